@@ -1,0 +1,232 @@
+"""`csgbench`, the command line of the harness. Each command is a few lines over a module."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from harness import PUBLISHED, RESULTS, STORE, UserError
+
+app = typer.Typer(
+    help="""Measure acceleration schemes for ray tracing CSG solids.
+
+    \b
+    csgbench doctor               is everything installed?
+    csgbench schemes              what can be measured, and its parameters
+    csgbench trace ngk -o ngk.png
+    csgbench sweep                measure the paper's study and report it
+    csgbench sweep grid           the same for d 1 to 9 by h 1 to 30
+    csgbench reference            compare the pictures with POV-Ray's
+    csgbench tables               report again what has been measured
+    csgbench plots
+    """,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+out = Console(soft_wrap=True, highlight=False)
+err = Console(stderr=True, soft_wrap=True, highlight=False)
+
+StudyName = Annotated[
+    str, typer.Argument(help="A name in harness/sweeps (paper, grid) or the path of a .toml file.")
+]
+Results = Annotated[Path, typer.Option(help="The folder of measurements and of what is written.")]
+Publish = Annotated[
+    bool, typer.Option("--publish", help="Copy what is written to results/published/ too.")
+]
+Size = Annotated[str, typer.Option(help="Width and height of the picture, in pixels.")]
+
+
+@contextmanager
+def _one_line_errors() -> Iterator[None]:
+    """What the user can put right is one line on stderr and exit code 2, never a traceback."""
+    import tracers
+
+    try:
+        yield
+    except (UserError, tracers.ModelError, RuntimeError, OSError) as error:
+        err.print(" ".join(str(error).split()), style="red", markup=False)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        err.print("stopped; what was measured is kept, and the same command goes on from here")
+        raise typer.Exit(130) from None
+
+
+@app.command()
+def sweep(
+    study: StudyName = "paper",
+    seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed trials once more.")] = False,
+    bare: Annotated[bool, typer.Option("--bare", help="Measure only; no report.")] = False,
+    results: Results = RESULTS,
+) -> None:
+    """Measure everything in a study that has no row yet, then check the pictures and report.
+
+    It can be stopped at any moment; the same command goes on from there. A trial that fails leaves
+    a row with the reason, and the others go on.
+
+    \b
+    csgbench sweep             Figures 8 and 9 and the baselines
+    csgbench sweep grid        the optimum bracketed
+    csgbench sweep mine.toml   a study of your own, written like paper.toml
+    """
+    with _one_line_errors():
+        from harness import machine, progress, report, trials
+        from harness import sweep as sweeps
+        from harness.store import Store
+
+        planned = report.load_study(study)
+        store = Store(results / STORE)
+        with store.alone(), progress.Report(out) as shown:
+            session = machine.session(planned.name, seed)
+            store.add_session(session)
+            sweeps.sweep(
+                planned.configurations, trials.first, store, session.session, shown,
+                seed=seed, retry=retry,
+            )  # fmt: skip
+        counts = ", ".join(f"{n} {status}" for status, n in shown.statuses.items())
+        out.print(f"{planned.name}: {counts or 'nothing was left to run'}")
+        if not bare:
+            _check(results, planned.models, missing_only=True)
+            _tables(study, results)
+            _plots(study, results)
+
+
+@app.command()
+def trace(
+    model: Annotated[
+        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
+    ],
+    more: Annotated[list[str] | None, typer.Argument(hidden=True, metavar="")] = None,
+    scheme: Annotated[str, typer.Option(help="See `csgbench schemes`.")] = "hybrid_sdsm",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")
+    ] = None,
+    size: Size = "512x512",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
+    ] = None,
+) -> None:
+    """Trace one picture and say what it took.
+
+    An .exr has channels for colour, depth, normal, leaf, light and cost (primitives tested for the
+    pixel).
+
+    \b
+    csgbench trace ball
+    csgbench trace ngk --scheme sdsm --set d=6 h=7 -o ngk.png
+    csgbench trace part.scad --scheme embree_cells --size 1024x768 -o part.exr
+    """
+    with _one_line_errors():
+        from harness import trace as traces
+
+        traces.trace(out, model, scheme, [*(settings or []), *(more or [])], size, output)
+
+
+@app.command()
+def schemes() -> None:
+    """List the schemes, with the type, default and meaning of their parameters."""
+    with _one_line_errors():
+        from harness.schemes import catalogue, describe
+
+        out.print(describe(catalogue()))
+
+
+@app.command()
+def doctor() -> None:
+    """Say what is installed, and try one scheme on the smallest scene. Exit code 1 if it is ill."""
+    with _one_line_errors():
+        from harness.doctor import examine
+
+        if not examine(out):
+            raise typer.Exit(1)
+
+
+@app.command()
+def reference(
+    models: Annotated[list[str] | None, typer.Argument(help="Scenes; all without any.")] = None,
+    size: Size = "512x512",
+    results: Results = RESULTS,
+) -> None:
+    """Render each model with POV-Ray and compare our picture with it. Exit code 1 if one failed.
+
+    The verdict is kept: a model whose picture failed is not tabled.
+    """
+    with _one_line_errors():
+        from harness.scenes import load_scenes
+
+        if not _check(results, models or list(load_scenes()), size=size):
+            raise typer.Exit(1)
+
+
+@app.command()
+def tables(
+    study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS
+) -> None:
+    """Write Figures 7 to 9 beside the paper's, the claims judged, and all schemes compared.
+
+    Markdown, CSV and LaTeX go to results/tables/, what paper.tex cites to paper/generated/. A
+    picture that is wrong, or failed against POV-Ray, is left out and named in red.
+    """
+    with _one_line_errors():
+        _tables(study, results)
+        _publish(publish, results)
+
+
+@app.command()
+def plots(study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS) -> None:
+    """Draw what has been measured: times over d:h, heat maps, schemes compared, cost pictures.
+
+    SVG and PNG go to results/plots/.
+    """
+    with _one_line_errors():
+        _plots(study, results)
+        _publish(publish, results)
+
+
+def _check(folder: Path, models: list[str], size: str = "512x512", **options: bool) -> bool:
+    from harness.reference import check_models
+    from harness.store import Store
+    from harness.trace import parse_size
+
+    return check_models(out, Store(folder / STORE), models, *parse_size(size), **options)
+
+
+def _tables(study: str, folder: Path) -> None:
+    from harness import report
+
+    paper, grid = report.load(study, folder / STORE)
+    out.print(f"tables: {report.write_tables(paper, grid, folder)}")
+    for line in paper.refusals() + grid.refusals():
+        err.print(f"not tabled: {line}", style="red", markup=False)
+    for model in paper.unchecked:
+        line = f"{model}: not compared with POV-Ray yet; run `csgbench reference`"
+        err.print(line, style="yellow", markup=False)
+
+
+def _plots(study: str, folder: Path) -> None:
+    from harness import report
+
+    paper, grid = report.load(study, folder / STORE)
+    out.print(f"plots: {report.write_plots(paper, grid, folder)}")
+
+
+def _publish(wanted: bool, folder: Path) -> None:
+    from harness import report
+
+    if wanted:
+        report.publish(folder, PUBLISHED)
+        out.print(f"published: {PUBLISHED}")
+
+
+def main() -> None:
+    app()
+
+
+if __name__ == "__main__":
+    main()

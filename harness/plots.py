@@ -1,0 +1,219 @@
+"""The plots of a report, as SVG and PNG: the same numbers give the same bytes.
+
+Colours are Okabe and Ito's, told apart by the colour-blind; kinds also differ in their marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure as Canvas
+
+from harness.figures import BOUNDS, FIGURES, Figure, figure
+from harness.results import Result, Results
+from harness.scheme_tables import COUNTERS, fastest, parameters, per_ray
+from harness.statistics import Estimate
+from harness.study import Configuration
+from harness.table import number
+from harness.tables import grid_of
+
+COLOURS = {"none": "#000000", "root": "#0072B2", "all": "#D55E00"}
+MARKS = {"none": "o", "root": "s", "all": "^"}
+TIMES = {"trace_s": "trace", "total_s": "build + trace"}
+COUNTER_COLOURS = ["#56B4E9", "#E69F00", "#009E73", "#CC79A7"]
+LABELS = {"none": "no bound (SDSM)", "root": "bound of the root", "all": "bound of every node"}
+plt.rcParams |= {
+    "svg.hashsalt": "csgbench",
+    "svg.fonttype": "none",
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "figure.constrained_layout.use": True,
+}
+
+
+CostOf = Callable[[Configuration], np.ndarray]  # (H, W) primitives tested a pixel
+
+
+def all_plots(paper: Results, grid: Results, cost_of: CostOf) -> Iterator[tuple[str, Canvas]]:
+    """A plot and its name for everything that has been measured."""
+    for name in FIGURES:
+        fig = figure(name, paper)
+        if any(row.ours for row in fig.rows):
+            yield f"{name}_{fig.model}", times(fig)
+    for model in dict.fromkeys(result.model for result in grid.tabled):
+        yield f"grid_{model}", heat_maps(model, grid)
+    for model in dict.fromkeys(result.model for result in paper.tabled):
+        yield f"schemes_{model}", schemes(model, paper)
+        yield f"cost_{model}", cost_pictures(model, paper, cost_of)
+
+
+def save(canvas: Canvas, stem: Path) -> None:
+    """`stem`.svg and .png, without dates and versions in them."""
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    canvas.savefig(f"{stem}.svg", metadata={"Date": None, "Creator": None})
+    canvas.savefig(f"{stem}.png", dpi=144, metadata={"Software": None})
+    plt.close(canvas)
+
+
+def times(fig: Figure) -> Canvas:
+    """Trace and total time over d:h: ours in ms, and ours and the paper's relative to no bound."""
+    canvas, axes = plt.subplots(2, 2, figsize=(9, 6.4), sharex=True)
+    names = [row.name for row in fig.bound("none")]
+    x = np.arange(len(names))
+    for (above, below), (key, what) in zip(axes.T, TIMES.items(), strict=True):
+        base = {
+            "ours": _mean(getattr(row.ours, key).median for row in fig.bound("none") if row.ours),
+            "paper": _mean(row.paper[key] for row in fig.bound("none") if row.paper),
+        }
+        for i, bound in enumerate(BOUNDS):
+            rows, shift = fig.bound(bound), 0.12 * (i - 1)
+            style = {"color": COLOURS[bound], "marker": MARKS[bound], "markersize": 5}
+            ours = [getattr(row.ours, key) if row.ours else _NONE for row in rows]
+            _points(above, x + shift, ours, 1e3, style | {"label": LABELS[bound]})
+            relative = [e.map(lambda v, unit=base["ours"]: v / unit) for e in ours]
+            _points(below, x + shift, relative, 1.0, style | {"label": f"ours, {LABELS[bound]}"})
+            if any(row.paper for row in rows):
+                theirs = [row.paper[key] / base["paper"] for row in rows]
+                below.plot(
+                    x + shift, theirs, linestyle=":", markerfacecolor="white",
+                    **style, label=f"paper, {LABELS[bound]}",
+                )  # fmt: skip
+        above.set_title(f"{fig.model}: {what} time")
+        above.set_ylabel("ms a picture")
+        below.set_ylabel("relative to the mean without bound")
+        below.set_xlabel("d:h")
+        below.set_xticks(x, names)
+        for axis in (above, below):
+            axis.set_ylim(bottom=0)
+            axis.grid(axis="y", alpha=0.3)
+    axes[0, 0].legend(fontsize=8, loc="lower left")
+    axes[1, 0].legend(fontsize=7, ncols=2, loc="lower left")
+    return canvas
+
+
+_NONE = Estimate(np.nan, np.nan, np.nan, 0)
+
+
+def _mean(values: Iterable[float]) -> float:
+    values = list(values)
+    return float(np.mean(values)) if values else np.nan
+
+
+def _points(
+    axis: plt.Axes, x: np.ndarray, estimates: list[Estimate], unit: float, style: dict
+) -> None:
+    """Medians joined by a line, with their intervals. `unit`: shown for 1 of the estimate."""
+    medians, reach = [unit * e.median for e in estimates], _reach(estimates, unit)
+    axis.errorbar(x, medians, yerr=reach, capsize=2, linewidth=1, **style)
+
+
+def _reach(estimates: list[Estimate], unit: float) -> np.ndarray:
+    """(2, n): how far the interval reaches below and above the median."""
+    reach = [(e.median - e.low, e.high - e.median) for e in estimates]
+    return unit * np.nan_to_num(np.array(reach).T).clip(0)
+
+
+def heat_maps(model: str, grid: Results) -> Canvas:
+    """Trace and total time over d and h, one map for each kind of bound, the best cell marked."""
+    kinds = {bound: grid_of(grid, model, bound) for bound in BOUNDS}
+    kinds = {bound: list(results.values()) for bound, results in kinds.items() if results}
+    everything = [r for results in kinds.values() for r in results]
+    d_values, h_values = (sorted({r.params[key] for r in everything}) for key in "dh")
+    canvas, axes = plt.subplots(2, len(kinds), figsize=(1 + 3.6 * len(kinds), 7), squeeze=False)
+    for line, (key, what) in zip(axes, TIMES.items(), strict=True):
+        values = [1e3 * getattr(r, key).median for r in everything]
+        norm = LogNorm(min(values), max(values))
+        for axis, (bound, results) in zip(line, kinds.items(), strict=True):
+            cells = np.full((len(d_values), len(h_values)), np.nan)
+            for r in results:
+                cell = d_values.index(r.params["d"]), h_values.index(r.params["h"])
+                cells[cell] = 1e3 * getattr(r, key).median
+            image = axis.imshow(cells, origin="lower", norm=norm, cmap="cividis", aspect="auto")
+            row, column = np.unravel_index(np.nanargmin(cells), cells.shape)
+            axis.plot(
+                column, row, marker="*", markersize=15, color="white", markeredgecolor="black"
+            )
+            best = f"{d_values[row]}:{h_values[column]}, {number(cells[row, column])} ms"
+            axis.set_title(f"{LABELS[bound]}\nbest {best}", fontsize=9)
+            axis.set_xticks(range(len(h_values)), h_values)
+            axis.set_yticks(range(len(d_values)), d_values)
+            axis.set_xlabel("h, halfspaces in a terminal cell")
+            axis.set_ylabel("d, levels of subdivision")
+        canvas.colorbar(image, ax=line, label=f"{what}, ms a picture")
+    size = everything[0].configuration
+    canvas.suptitle(f"{model}, {size.width}×{size.height}: the optimum over d and h (star)")
+    return canvas
+
+
+def schemes(model: str, results: Results) -> Canvas:
+    """Trace time of each scheme at its fastest parameters, and beside it the work a ray."""
+    ordered = fastest(model, results)[::-1]
+    y = np.arange(len(ordered))
+    canvas, (left, right) = plt.subplots(
+        1, 2, figsize=(10, 1.3 + 0.55 * len(ordered)), sharey=True, width_ratios=[3, 2]
+    )
+    traced = [r.trace_s for r in ordered]
+    medians = [1e3 * e.median for e in traced]
+    colours = ["#BBBBBB" if r.scheme in results.inexact else "#0072B2" for r in ordered]
+    left.barh(y, medians, xerr=_reach(traced, 1e3), color=colours, height=0.6, capsize=2)
+    left.set_xscale("log")
+    left.set_xlim(min(medians) / 2, max(medians) * 4)
+    for position, value in zip(y, medians, strict=True):
+        left.annotate(
+            f"{number(value)} ms",
+            (value, position),
+            (6, 0),
+            textcoords="offset points",
+            va="center",
+        )
+    left.set_yticks(y, [_scheme_label(r, results) for r in ordered])
+    left.set_xlabel("trace time, ms a picture (log); bars: 95% interval")
+    size = ordered[0].configuration
+    left.set_title(f"{model}, {size.width}×{size.height}, two lights, one thread")
+    for i, (word, colour) in enumerate(zip(COUNTERS.values(), COUNTER_COLOURS, strict=True)):
+        work = [per_ray(r)[i] or np.nan for r in ordered]
+        right.plot(work, y + 0.18 * (1.5 - i), "osD^"[i], color=colour, label=word)
+    right.set_xscale("log")
+    right.set_xlabel("operations a ray (log)")
+    right.set_title("work")
+    right.legend(fontsize=8, loc="best")
+    for axis in (left, right):
+        axis.grid(axis="x", alpha=0.3)
+        axis.xaxis.set_major_formatter("{x:g}")
+    return canvas
+
+
+def _scheme_label(result: Result, results: Results) -> str:
+    name = f"{result.scheme} (inexact)" if result.scheme in results.inexact else result.scheme
+    return f"{name}\n{parameters(result)}" if result.params else name
+
+
+def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
+    """Primitive tests for each pixel, on one logarithmic scale, of the exact schemes but naive."""
+    chosen = [
+        r for r in fastest(model, results)
+        if r.scheme not in results.inexact and r.scheme != "naive"
+    ]  # fmt: skip
+    pictures = [(r, cost_of(r.configuration)) for r in chosen]
+    columns = 3
+    lines = -(-len(pictures) // columns)
+    canvas, axes = plt.subplots(lines, columns, figsize=(9.6, 3.3 * lines), squeeze=False)
+    norm = LogNorm(1, max(picture.max() for _, picture in pictures))
+    for axis in axes.flat:
+        axis.axis("off")
+    for axis, (result, picture) in zip(axes.flat, pictures, strict=False):
+        image = axis.imshow(np.maximum(picture, 1), norm=norm, cmap="magma")
+        mean = f"mean {number(picture.mean())}"
+        axis.set_title(f"{result.scheme}\n{parameters(result)}\n{mean}", fontsize=8)
+    canvas.colorbar(image, ax=axes, label="primitive tests a pixel, all its rays (log)", shrink=0.7)
+    canvas.suptitle(f"{model}: where the work is")
+    return canvas

@@ -1,0 +1,132 @@
+"""A report: the tables and plots of what has been measured, and what paper.tex reads."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+from harness import RESULTS, ROOT, UserError, plots, study
+from harness.claims import claims
+from harness.figures import FIGURES, figure
+from harness.results import Results
+from harness.results import load as load_results
+from harness.scheme_tables import machine, schemes, work
+from harness.schemes import catalogue
+from harness.store import Store
+from harness.table import Table, latex_text
+from harness.tables import break_even, characteristics, optimum, reductions, timing
+from harness.trials import cost_picture, describe
+
+GENERATED = ROOT / "paper" / "generated"
+
+
+def load_study(name: str) -> study.Study:
+    return study.load(study.find(name), catalogue())
+
+
+def load(name: str, store: Path) -> tuple[Results, Results]:
+    """What the store has of a study, and of the grid study, which is reported with the paper's."""
+    if not store.exists():
+        raise UserError(f"{store}: nothing measured yet; run `csgbench sweep` first")
+    opened, known = Store(store), catalogue()
+    inexact = {scheme for scheme in known if not known[scheme].exact}
+    studies = ("paper" if name == "grid" else name, "grid")
+    return tuple(load_results(opened, load_study(study), inexact) for study in studies)
+
+
+def all_tables(paper: Results, grid: Results, models: dict[str, dict]) -> list[Table]:
+    """`models`: of each its `halfspaces`, `nodes` and `kinds`, counted in the tree."""
+    figures = {name: figure(name, paper) for name in FIGURES}
+    figures = {name: fig for name, fig in figures.items() if any(row.ours for row in fig.rows)}
+    return [
+        characteristics(paper, models),
+        *(timing(name, fig) for name, fig in figures.items()),
+        *([claims(paper)] if figures else []),
+        reductions(figures.values()),
+        optimum(figures.values(), grid),
+        break_even(figures.values()),
+        *(schemes(model, paper) for model in models),
+        work(paper),
+        machine(paper),
+    ]
+
+
+def write_tables(paper: Results, grid: Results, folder: Path) -> Path:
+    """`folder`/tables.md has all tables, `folder`/tables/ each as Markdown, CSV and LaTeX with the
+    values that paper.tex cites, and `folder`/trials.csv the raw rows they come from."""
+    tables = all_tables(paper, grid, describe(paper.study.models))
+    tables = [table for table in tables if table.rows]
+    each = folder / "tables"
+    each.mkdir(parents=True, exist_ok=True)
+    for table in tables:
+        (each / f"{table.name}.md").write_text(table.markdown())
+        (each / f"{table.name}.csv").write_text(table.csv())
+        (each / f"{table.name}.tex").write_text(table.latex())
+    (each / "values.tex").write_text(_values(tables))
+    (folder / "tables.md").write_text(_document(tables, paper))
+    _write_rows(folder / "trials.csv", paper)
+    if (paper.study.name, folder) == ("paper", RESULTS):
+        _copy(each.glob("*.tex"), each, GENERATED)
+    return folder / "tables.md"
+
+
+def write_plots(paper: Results, grid: Results, folder: Path) -> Path:
+    """To `folder`/plots, each as SVG and PNG."""
+    for name, canvas in plots.all_plots(paper, grid, cost_picture):
+        plots.save(canvas, folder / "plots" / name)
+    return folder / "plots"
+
+
+def _document(tables: list[Table], results: Results) -> str:
+    left_out = [f"- {line}" for line in results.refusals()]
+    left_out += [f"- {model}: not compared with POV-Ray" for model in results.unchecked]
+    parts = [f"# {results.study.title}\n", *(table.markdown() for table in tables)]
+    if left_out:
+        parts.append("### Not tabled, or not checked\n\n" + "\n".join(left_out) + "\n")
+    return "\n".join(parts)
+
+
+def _values(tables: list[Table]) -> str:
+    r"""\result{table/row/column} in LaTeX: any cell of any table; a wrong path is an error."""
+    lines = [
+        r"% Written by `csgbench tables`. \result{figure8/5:10 Yes/trace_s} is a cell of a table;",
+        r"% /low and /high after it are the ends of its interval.",
+        r"\newcommand{\result}[1]{\ifcsname result@#1\endcsname\csname result@#1\endcsname",
+        r"  \else\errmessage{no result '#1'}\fi}",
+    ]
+    lines += [
+        rf"\expandafter\def\csname result@{path}\endcsname{{{latex_text(value)}}}"
+        for table in tables
+        for path, value in table.values()
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _write_rows(path: Path, results: Results) -> None:
+    """The raw rows that the tables are made from."""
+    rows = [row for result in results.tabled for row in result.rows]
+    if not rows:
+        return
+    rows = [
+        {name: json.dumps(v) if isinstance(v, dict) else v for name, v in row.items()}
+        for row in sorted(rows, key=lambda row: row["started_utc"])
+    ]
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def publish(folder: Path, target: Path) -> None:
+    """Copy what a reader of the repository sees: all but the LaTeX."""
+    files = [folder / "tables.md", folder / "trials.csv", *folder.glob("plots/*")]
+    _copy(files + [*folder.glob("tables/*.md"), *folder.glob("tables/*.csv")], folder, target)
+
+
+def _copy(files: Iterable[Path], source: Path, target: Path) -> None:
+    for file in files:
+        copy = target / file.relative_to(source)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(file.read_bytes())

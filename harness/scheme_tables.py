@@ -1,0 +1,119 @@
+"""The tables that compare schemes: times, speed-up, work a ray and memory; and where measured."""
+
+from __future__ import annotations
+
+from harness import statistics
+from harness.results import Result, Results, paired
+from harness.table import Column, Table, megabytes, milliseconds, number
+
+COUNTERS = {
+    "cells_entered": "cells",
+    "bounds_tested": "bounds",
+    "primitives_tested": "primitives",
+    "booleans_evaluated": "Booleans",
+}
+INTERVAL = "In brackets: 95% interval of the median."
+_SCHEME = Column("scheme", "scheme", align="l")
+_PARAMETERS = Column("parameters", "parameters", align="l")
+
+
+def schemes(model: str, results: Results) -> Table:
+    """All schemes on one model, each with its fastest parameters; what failed says why."""
+    naive, best = results.find(model, "naive"), fastest(model, results)
+    rows = []
+    for r in best:
+        speedup = statistics.ratio(*paired(naive, r, "trace_s")) if naive else None
+        inexact = r.scheme in results.inexact
+        rows.append([
+            f"{r.scheme} (inexact)" if inexact else r.scheme, parameters(r), r.build_s, r.trace_s,
+            speedup, 1e9 * r.trace_s.median / r.rays, r.structure_bytes, *per_ray(r), repeats(r),
+        ])  # fmt: skip
+    measured = {r.scheme for r in best}
+    missing = {r.scheme: r for r in results.all if r.model == model and r.scheme not in measured}
+    notes = [f"{name}: {r.status}{r.reason and f' ({r.reason})'}." for name, r in missing.items()]
+    columns = [
+        _SCHEME,
+        _PARAMETERS,
+        Column("build_s", "build ms", milliseconds),
+        Column("trace_s", "trace ms", milliseconds),
+        Column("speedup", "times naive", number),
+        Column("ray_ns", "ns/ray", number),
+        Column("structure_bytes", "MB", megabytes),
+        *_per_ray_columns(),
+        Column("repeats", "repeats"),
+    ]
+    notes = [
+        f"Each scheme with the fastest of its parameters in this study. {INTERVAL} Work is a "
+        "ray's, primary and shadow rays alike. An inexact scheme answers another question: the "
+        "surface of a mesh, whose making is not in the build time.",
+        *notes,
+    ]
+    return Table(f"schemes_{model}", f"All schemes on {model}", columns, rows, notes)
+
+
+def fastest(model: str, results: Results) -> list[Result]:
+    """Each scheme at the fastest of its parameters, the fastest scheme first."""
+    ordered = sorted(
+        (r for r in results.tabled if r.model == model), key=lambda r: r.trace_s.median
+    )
+    best: dict[str, Result] = {}
+    for result in ordered:
+        best.setdefault(result.scheme, result)
+    return list(best.values())
+
+
+def work(results: Results) -> Table:
+    """Work a ray, memory and build time of every configuration."""
+    rows = [
+        [r.model, r.scheme, parameters(r), *per_ray(r), r.build_s, r.trace_s, r.structure_bytes]
+        for r in results.tabled
+    ]
+    columns = [
+        Column("model", "model", align="l"),
+        _SCHEME,
+        _PARAMETERS,
+        *_per_ray_columns(),
+        Column("build_s", "build ms", milliseconds),
+        Column("trace_s", "trace ms", milliseconds),
+        Column("structure_bytes", "MB", megabytes),
+    ]
+    title = "Work a ray, build time and memory of every configuration"
+    return Table("work", title, columns, rows, [INTERVAL], keys=3)
+
+
+def _per_ray_columns() -> list[Column]:
+    return [Column(f"{key}_per_ray", f"{word}/ray", number) for key, word in COUNTERS.items()]
+
+
+def repeats(result: Result) -> str:
+    return f"{len(result.rows)} of {result.configuration.repeats}"
+
+
+def per_ray(result: Result) -> list[float | None]:
+    counters = result.counters
+    return [counters[key] / result.rays if counters else None for key in COUNTERS]
+
+
+def parameters(result: Result) -> str:
+    """`bound=root d=5 h=10`."""
+    return " ".join(f"{name}={value}" for name, value in result.params.items())
+
+
+def machine(results: Results) -> Table:
+    """Where and when it was measured; more than one value where sessions differ."""
+    facts: dict[str, dict[str, None]] = {}
+
+    def note(name: str, value: object) -> None:
+        facts.setdefault(name, {})[str(value)] = None
+
+    for session in results.sessions:
+        for name in ("cpu", "cores", "memory_bytes", "system", "kernel"):
+            note(name, session["machine"].get(name))
+        for name in ("compiler", "flags", "git_commit", "code_version"):
+            note(name, session[name])
+        for name, version in session["versions"].items():
+            note(name, version)
+        note("started_utc", session["session_started_utc"][:19])
+    rows = [[name, "; ".join(values)] for name, values in facts.items()]
+    columns = [Column("fact", "", align="l"), Column("value", "", align="l")]
+    return Table("machine", "Where it was measured", columns, rows)

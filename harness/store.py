@@ -1,0 +1,213 @@
+"""The store of everything measured: one SQLite file, append only, safe against kill -9.
+
+A row is on disk when `add_trial` returns (WAL, synchronous=FULL). Triggers refuse to change or to
+delete a trial, and a unique index on its key refuses to write one twice.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import fcntl
+import json
+import sqlite3
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness import UserError
+
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The key of one measurement."""
+
+    model: str
+    model_hash: str  # of the evaluated .csg, camera and lights
+    shape: str
+    scheme: str
+    params: str  # canonical JSON
+    precision: str
+    width: int
+    height: int
+    repeat: int  # from 0
+    attempt: int  # 0; more when a failed trial was asked for again
+    code_version: str  # hash of the sources of `tracers`
+
+
+@dataclass
+class Outcome:
+    """What came of a trial. What was not measured is None."""
+
+    status: str  # ok | unsupported | timeout | error
+    reason: str = ""
+    started_utc: str = ""
+    duration_s: float | None = None  # of the whole trial, loading and counting included
+    build_s: float | None = None
+    trace_s: float | None = None
+    mesh_s: float | None = None  # to tessellate, where the scheme traces a mesh
+    structure_bytes: int | None = None
+    rays: int | None = None  # primary and shadow
+    picture_hash: str | None = None
+    counters: dict[str, int] | None = None  # from a render of its own, for repeat 0 only
+    facts: dict[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Session:
+    """One invocation of a sweep, and the machine it ran on."""
+
+    session: str
+    study: str
+    seed: int
+    session_started_utc: str
+    git_commit: str  # with "+" after it where files differed from the commit
+    machine: dict[str, Any]
+    compiler: str
+    flags: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A picture compared with a reference made by other code."""
+
+    model: str
+    model_hash: str
+    width: int
+    height: int
+    picture_hash: str
+    reference: str  # what made the reference, and with which settings
+    passed: bool
+    reason: str
+    figures: dict[str, float]
+    checked_utc: str
+
+
+_TYPES = {"str": "TEXT", "int": "INTEGER", "float": "REAL", "bool": "INTEGER", "dict": "TEXT"}
+
+
+def _names(record: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(record)]
+
+
+def _columns(record: type) -> str:
+    """SQL column definitions of a dataclass; dictionaries are kept as JSON."""
+    columns = []
+    for field in dataclasses.fields(record):
+        kind, *optional = field.type.split(" | ")
+        null = "" if optional else " NOT NULL"
+        columns.append(f"{field.name} {_TYPES[kind.partition('[')[0]]}{null}")
+    return ", ".join(columns)
+
+
+_SCHEMA = f"""
+CREATE TABLE sessions ({_columns(Session)}, PRIMARY KEY (session));
+CREATE TABLE trials (
+  {_columns(Trial)}, {_columns(Outcome)}, session TEXT NOT NULL REFERENCES sessions,
+  UNIQUE ({", ".join(_names(Trial))}),
+  CHECK (status IN ('ok', 'unsupported', 'timeout', 'error')));
+CREATE TRIGGER trials_never_change BEFORE UPDATE ON trials
+  BEGIN SELECT RAISE(ABORT, 'a trial is never rewritten'); END;
+CREATE TRIGGER trials_never_go BEFORE DELETE ON trials
+  BEGIN SELECT RAISE(ABORT, 'a trial is never deleted'); END;
+CREATE TABLE checks ({_columns(Check)});
+CREATE VIEW records AS SELECT * FROM trials JOIN sessions USING (session);
+PRAGMA user_version = {VERSION};
+"""
+
+
+class Store:
+    """An open store. `path` is made, with its folder, if it does not exist."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._db = sqlite3.connect(path, isolation_level=None, timeout=30)
+        self._db.row_factory = sqlite3.Row
+        try:
+            self._db.executescript("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;")
+            self._make_schema()
+        except sqlite3.DatabaseError as error:
+            raise UserError(f"{path}: {error}; move it away to begin a new one") from None
+
+    def _make_schema(self) -> None:
+        self._db.execute("BEGIN IMMEDIATE")  # two processes may open a new store at once
+        version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        if version == 0:
+            for statement in _statements(_SCHEMA):
+                self._db.execute(statement)
+        self._db.execute("COMMIT")
+        if version not in (0, VERSION):
+            raise UserError(
+                f"{self.path}: written by version {version} of the store, this is {VERSION}; "
+                "move it away to begin a new one"
+            )
+
+    def close(self) -> None:
+        self._db.close()
+
+    def add_session(self, session: Session) -> None:
+        self._insert("sessions", session)
+
+    def add_trial(self, session: str, trial: Trial, outcome: Outcome) -> None:
+        """Durable when it returns. sqlite3.IntegrityError if the trial has a row already."""
+        self._insert("trials", trial, outcome, session=session)
+
+    def add_check(self, check: Check) -> None:
+        self._insert("checks", check)
+
+    def _insert(self, table: str, *records: Any, **more: Any) -> None:
+        row = {
+            field.name: getattr(record, field.name)
+            for record in records
+            for field in dataclasses.fields(record)
+        } | more
+        values = [json.dumps(v, sort_keys=True) if isinstance(v, dict) else v for v in row.values()]
+        marks = ", ".join("?" * len(row))
+        self._db.execute(f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks})", values)
+
+    def trials(self, code_versions: Collection[str]) -> dict[Trial, sqlite3.Row]:
+        """Every trial that has a row for one of these versions of the code."""
+        marks = ", ".join("?" * len(code_versions))
+        query = f"SELECT * FROM trials WHERE code_version IN ({marks})"
+        rows = self._db.execute(query, list(code_versions))
+        return {Trial(**{name: row[name] for name in _names(Trial)}): row for row in rows}
+
+    def records(self) -> list[dict[str, Any]]:
+        """All trials with their sessions, oldest first; JSON columns are read."""
+        return self._read("SELECT * FROM records ORDER BY started_utc", Outcome, Session)
+
+    def checks(self) -> list[dict[str, Any]]:
+        """All comparisons with references, oldest first."""
+        return self._read("SELECT * FROM checks ORDER BY rowid", Check)
+
+    def _read(self, query: str, *kinds: type) -> list[dict[str, Any]]:
+        structured = [f.name for k in kinds for f in dataclasses.fields(k) if "dict" in f.type]
+        rows = [dict(row) for row in self._db.execute(query)]
+        for row in rows:
+            row |= {name: json.loads(row[name]) for name in structured if row[name] is not None}
+        return rows
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Held while measuring: two sweeps at once would disturb each other's times."""
+        with open(self.path.with_suffix(".lock"), "w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise UserError(f"another sweep is writing to {self.path}") from None
+            yield
+
+
+def _statements(script: str) -> Iterator[str]:
+    """Split a script into statements; executescript would commit our transaction."""
+    statement = ""
+    for line in script.splitlines():
+        statement += line + "\n"
+        if sqlite3.complete_statement(statement):
+            yield statement
+            statement = ""

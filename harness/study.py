@@ -1,0 +1,166 @@
+"""A study: a TOML file that says what to measure, read strictly into configurations.
+
+    title = "A line for the reader"
+    repeats = 5                 # these defaults can stand at the top or in any run:
+    width = 512                 #   width, height, repeats, budget_s, timeout_s, shape
+
+    [[runs]]
+    models = ["ball"]           # names in models/scenes.toml
+    schemes = "hybrid_sdsm"     # one name or several
+    params = [{ d = 5, h = [10, 15], bound = ["root", "all"] }]   # a list means every value
+
+Every model is combined with every scheme and every set of parameters; what a scheme declares
+and the study leaves out takes its default.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness import ROOT, UserError
+from harness.schemes import Catalogue, Params, canonical, complete
+
+FOLDER = ROOT / "harness" / "sweeps"
+SHAPES = ("as_written", "balanced")
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One thing to measure, `repeats` times."""
+
+    model: str
+    scheme: str
+    params: str  # canonical JSON
+    width: int
+    height: int
+    shape: str  # how an operator with n children becomes binary
+    repeats: int
+    budget_s: float  # no further repeat once build and trace times would add up to more
+    timeout_s: float  # a single trial is killed after this
+
+    def label(self) -> str:
+        """What is shown while it runs: `ngk hybrid_sdsm bound=root d=5 h=10`."""
+        settings = re.sub(r'[{}"]', "", self.params).replace(":", "=").replace(",", " ")
+        return f"{self.model} {self.scheme} {settings}".strip()
+
+
+@dataclass(frozen=True)
+class Study:
+    name: str
+    title: str
+    configurations: tuple[Configuration, ...]
+
+    @property
+    def models(self) -> list[str]:
+        return list(dict.fromkeys(c.model for c in self.configurations))
+
+
+# Key, type, default. What bounds time has a default too, so that no study can hang.
+_SETTINGS: dict[str, tuple[type, Any]] = {
+    "width": (int, 512),
+    "height": (int, 512),
+    "shape": (str, "as_written"),
+    "repeats": (int, 5),
+    "budget_s": (float, 60.0),
+    "timeout_s": (float, 300.0),
+}
+
+
+def find(name: str) -> Path:
+    """The file of a study: a path, or the name of one in harness/sweeps."""
+    path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(file.stem for file in FOLDER.glob("*.toml")))
+        raise UserError(f"no study '{name}'; known: {known}, or the path of a .toml file")
+    return path
+
+
+def load(path: Path, known: Catalogue) -> Study:
+    """Read a study; anything wrong is a UserError with the file and the key."""
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: not a UTF-8 text file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(_with_position(path, str(error))) from None
+
+    _only(path, "", document, {"title", "runs", *_SETTINGS})
+    defaults = {key: default for key, (_, default) in _SETTINGS.items()}
+    defaults |= _settings(path, "", document)
+    runs = document.get("runs")
+    if not isinstance(runs, list) or not all(isinstance(run, dict) for run in runs):
+        raise UserError(f"{path}: needs at least one [[runs]]")
+
+    configurations: dict[tuple, Configuration] = {}
+    for index, run in enumerate(runs, start=1):
+        where = f"runs {index}: "
+        _only(path, where, run, {"models", "schemes", "params", *_SETTINGS})
+        settings = defaults | _settings(path, where, run)
+        models, schemes = _names(path, where, run, "models"), _names(path, where, run, "schemes")
+        for model, scheme, given in itertools.product(
+            models, schemes, _parameter_sets(path, where, run)
+        ):
+            try:
+                params = canonical(complete(known, scheme, given))
+            except UserError as error:
+                raise UserError(f"{path}: {where}{error}") from None
+            configuration = Configuration(model, scheme, params, **settings)
+            key = (model, scheme, params, *(settings[k] for k in ("width", "height", "shape")))
+            if key in configurations:
+                raise UserError(f"{path}: {where}'{configuration.label()}' is listed twice")
+            configurations[key] = configuration
+    return Study(path.stem, str(document.get("title", path.stem)), tuple(configurations.values()))
+
+
+def _with_position(path: Path, message: str) -> str:
+    """tomllib ends its messages with '(at line 3, column 5)'; editors want path:3:5."""
+    match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", message)
+    return f"{path}:{match[2]}:{match[3]}: {match[1]}" if match else f"{path}: {message}"
+
+
+def _only(path: Path, where: str, table: dict, known: set[str]) -> None:
+    for key in table:
+        if key not in known:
+            names = ", ".join(sorted(known))
+            raise UserError(f"{path}: {where}unknown key '{key}'; known: {names}")
+
+
+def _settings(path: Path, where: str, table: dict) -> dict[str, Any]:
+    settings = {}
+    for key in _SETTINGS.keys() & table.keys():
+        value, (kind, _) = table[key], _SETTINGS[key]
+        if kind is float and type(value) is int:
+            value = float(value)
+        if type(value) is not kind or (kind is not str and not value > 0):
+            wanted = "a positive number" if kind is not str else "a string"
+            raise UserError(f"{path}: {where}'{key}' is {wanted}, not {value!r}")
+        settings[key] = value
+    if settings.get("shape", SHAPES[0]) not in SHAPES:
+        raise UserError(f"{path}: {where}'shape' is one of {', '.join(SHAPES)}")
+    return settings
+
+
+def _names(path: Path, where: str, run: dict, key: str) -> list[str]:
+    value = run.get(key)
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise UserError(f"{path}: {where}'{key}' is a name or a list of names")
+    return names
+
+
+def _parameter_sets(path: Path, where: str, run: dict) -> list[Params]:
+    """Each table of `params` stands for the product of its lists."""
+    tables = run.get("params", {})
+    tables = [tables] if isinstance(tables, dict) else tables
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise UserError(f"{path}: {where}'params' is a table or a list of tables")
+    sets: list[Params] = []
+    for table in tables:
+        axes = [value if isinstance(value, list) else [value] for value in table.values()]
+        sets += [dict(zip(table, values, strict=True)) for values in itertools.product(*axes)]
+    return sets

@@ -1,0 +1,195 @@
+"""The tables that answer the paper: Figures 7 to 9, what bounds save, the optimum, break-even."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from harness import statistics
+from harness.figures import (
+    BOUNDS,
+    Figure,
+    Row,
+    equally_fast,
+    pictures_to_break_even,
+    printed,
+)
+from harness.results import Result, Results, paired
+from harness.scheme_tables import INTERVAL, repeats
+from harness.table import Column, Table, integer, milliseconds, number, percent
+
+_MODEL = Column("model", "model", align="l")
+_BOUND = Column("bound", "bound", align="l")
+
+
+def characteristics(results: Results, models: dict[str, dict]) -> Table:
+    rows = []
+    for model, counted in models.items():
+        theirs = printed()["figure7"].get(model, {})
+        size = next(
+            (f"{c.width}×{c.height}" for c in results.study.configurations if c.model == model),
+            None,
+        )
+        kinds = ", ".join(sorted(set(counted["kinds"])))
+        rows.append([
+            model, size, theirs.get("nodes"), counted["nodes"],
+            theirs.get("halfspaces"), counted["halfspaces"], kinds,
+        ])  # fmt: skip
+    columns = [
+        _MODEL,
+        Column("size", "resolution"),
+        Column("paper_nodes", "tree nodes, paper", integer),
+        Column("nodes", "ours", integer),
+        Column("paper_halfspaces", "halfspaces, paper", integer),
+        Column("halfspaces", "ours", integer),
+        Column("kinds", "halfspace types", align="l"),
+    ]
+    return Table("figure7", "Figure 7: model characteristics", columns, rows)
+
+
+def timing(name: str, fig: Figure) -> Table:
+    """Figure 8 or 9: ours beside the paper's."""
+    rows = []
+    for row in fig.rows:
+        theirs, ours = row.paper or {}, row.ours
+        rows.append([
+            row.name, BOUNDS[row.bound],
+            *(theirs.get(key) for key in ("build_s", "trace_s", "total_s")), row.paper_reduction,
+            *((ours.build_s, ours.trace_s, ours.total_s) if ours else (None,) * 3), row.reduction,
+            ours and repeats(ours),
+        ])  # fmt: skip
+    columns = [
+        Column("d:h", "d:h", align="l"),
+        _BOUND,
+        Column("paper_build_s", "paper: build s", "{:.2f}".format),
+        Column("paper_trace_s", "trace s", "{:.2f}".format),
+        Column("paper_total_s", "total s", "{:.2f}".format),
+        Column("paper_reduction", "saved %", percent),
+        Column("build_s", "ours: build ms", milliseconds),
+        Column("trace_s", "trace ms", milliseconds),
+        Column("total_s", "total ms", milliseconds),
+        Column("reduction", "saved %", percent),
+        Column("repeats", "repeats"),
+    ]
+    notes = [
+        '"saved" is of the trace time, by the bound, at the same d:h; ours from pairs measured in '
+        f"the same round. {INTERVAL} Bound: Yes is the S-bound of the root (the paper's Figure "
+        "6), every node goes beyond the paper."
+    ]
+    title = f"Figure {name.removeprefix('figure')}: timing data of model {fig.model}"
+    return Table(name, title, columns, rows, notes, keys=2)
+
+
+def reductions(figures: Iterable[Figure]) -> Table:
+    """The spread of what the bound saves and of what it costs to build, over the rows."""
+    rows = []
+    for fig in figures:
+        for bound in ("root", "all"):
+            group = fig.bound(bound)
+            theirs = [r.paper_reduction for r in group if r.paper_reduction is not None]
+            ours = [r.reduction.median for r in group if r.reduction and r.reduction.n]
+            rows.append(
+                [fig.model, bound, *_spread(theirs), *_spread(ours), _build_ratio(fig, group)]
+            )
+    columns = [_MODEL, _BOUND]
+    for prefix, heading in (("paper_", "paper: "), ("", "ours: ")):
+        columns += [
+            Column(f"{prefix}mean", f"{heading}saved %, mean", percent),
+            Column(f"{prefix}least", "least", percent),
+            Column(f"{prefix}most", "most", percent),
+        ]
+    columns.append(Column("build_ratio", "build time, times", number))
+    title = "What the bound saves of the trace time, over the rows of Figures 8 and 9"
+    return Table("reductions", title, columns, rows, keys=2)
+
+
+def _spread(values: list[float]) -> tuple[float | None, ...]:
+    return (float(np.mean(values)), min(values), max(values)) if values else (None,) * 3
+
+
+def _build_ratio(fig: Figure, group: list[Row]) -> float | None:
+    """Median over the rows: building with the bound against building without it."""
+    plain = {row.name: row.ours for row in fig.bound("none")}
+    pairs = [(row.ours, plain[row.name]) for row in group if row.ours and plain[row.name]]
+    ratios = [statistics.ratio(*paired(a, b, "build_s")).median for a, b in pairs]
+    return float(np.median(ratios)) if ratios else None
+
+
+def optimum(figures: Iterable[Figure], grid: Results) -> Table:
+    """The best d:h by trace time and by total time, in the paper's rows and in the grid study."""
+    rows = []
+    for fig in figures:
+        for bound, label in BOUNDS.items():
+            printed_rows = [r for r in fig.bound(bound) if r.paper]
+            measured = {row.name: row.ours for row in fig.bound(bound) if row.ours}
+            bracketed = grid_of(grid, fig.model, bound)
+            best = min(measured.values(), key=lambda r: r.trace_s.median, default=None)
+            ties = [name for name, r in measured.items() if r is not best and equally_fast(best, r)]
+            rows.append([
+                fig.model, label,
+                *(min(printed_rows, key=lambda r: r.paper[key]).name if printed_rows else None
+                  for key in ("trace_s", "total_s")),
+                _best(measured, "trace_s"), " ".join(ties) or None, _best(measured, "total_s"),
+                *(_best(bracketed, key) for key in ("trace_s", "total_s")),
+            ])  # fmt: skip
+    columns = [
+        _MODEL,
+        _BOUND,
+        Column("paper_trace", "paper: by trace"),
+        Column("paper_total", "by total"),
+        Column("trace", "ours: by trace"),
+        Column("trace_ties", "as fast"),
+        Column("total", "by total"),
+        Column("grid_trace", "grid study: by trace"),
+        Column("grid_total", "by total"),
+    ]
+    notes = ['"as fast": the 95% interval of the paired ratio to the fastest contains 1.']
+    return Table(
+        "optimum", "The best d:h, with and without the time to build", columns, rows, notes, 2
+    )
+
+
+def grid_of(grid: Results, model: str, bound: str) -> dict[str, Result]:
+    """The grid study's results of one model and kind of bound, by d:h."""
+    scheme = "sdsm" if bound == "none" else "hybrid_sdsm"
+    return {
+        "{d}:{h}".format(**r.params): r
+        for r in grid.tabled
+        if (r.model, r.scheme) == (model, scheme) and r.params.get("bound", "none") == bound
+    }
+
+
+def _best(results: dict[str, Result], key: str) -> str | None:
+    return min(results, key=lambda name: getattr(results[name], key).median, default=None)
+
+
+def break_even(figures: Iterable[Figure]) -> Table:
+    """From how many rays on the bound pays for its building."""
+    rows = []
+    for fig in figures:
+        plain = {row.name: row for row in fig.bound("none")}
+        for row in fig.rows:
+            if row.bound == "none":
+                continue
+            theirs, ours, base = row.paper, row.ours, plain[row.name]
+            paper_pictures = theirs and statistics.break_even(
+                theirs["build_s"] - base.paper["build_s"], base.paper["trace_s"] - theirs["trace_s"]
+            )
+            pictures = pictures_to_break_even(base.ours, ours) if ours and base.ours else None
+            rays = None if pictures is None else pictures * ours.rays
+            rows.append([fig.model, row.name, BOUNDS[row.bound], paper_pictures, pictures, rays])
+    columns = [
+        _MODEL,
+        Column("d:h", "d:h", align="l"),
+        _BOUND,
+        Column("paper_pictures", "paper: pictures", number),
+        Column("pictures", "ours: pictures", number),
+        Column("rays", "ours: rays", integer),
+    ]
+    notes = [
+        "(build with bound − build without) / (trace without − trace with), medians; a picture is "
+        "512×512 with the shadow rays of two lights. ∞: the bound saves no time."
+    ]
+    title = "Number of pictures and of rays from which the bound pays"
+    return Table("break_even", title, columns, rows, notes, keys=3)

@@ -1,0 +1,77 @@
+import dataclasses
+import sqlite3
+
+import pytest
+from fake_sweep import configuration, first, session
+
+from harness import UserError
+from harness.store import Check, Outcome, Store
+
+TRIAL = first(configuration("sdsm"))
+
+
+@pytest.fixture
+def store(tmp_path):
+    store = Store(tmp_path / "new folder" / "trials.sqlite")
+    store.add_session(dataclasses.replace(session("s"), machine={"cores": 2}))
+    yield store
+    store.close()
+
+
+def test_what_goes_in_comes_out_unrounded(store):
+    outcome = Outcome("ok", trace_s=0.1 + 0.2, structure_bytes=2**40, counters={"cells": 2**53})
+    store.add_trial("s", TRIAL, outcome)
+    (row,) = store.records()
+    assert row["trace_s"] == 0.1 + 0.2
+    assert row["structure_bytes"] == 2**40
+    assert row["counters"] == {"cells": 2**53}
+    assert row["machine"] == {"cores": 2}
+    assert row["build_s"] is None
+
+
+@pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(TRIAL)])
+def test_a_key_has_one_row_and_every_field_is_part_of_the_key(store, field):
+    store.add_trial("s", TRIAL, Outcome("ok"))
+    with pytest.raises(sqlite3.IntegrityError):
+        store.add_trial("s", TRIAL, Outcome("error"))
+    other = getattr(TRIAL, field) + (1 if isinstance(getattr(TRIAL, field), int) else "x")
+    store.add_trial("s", dataclasses.replace(TRIAL, **{field: other}), Outcome("ok"))
+    assert len(store.records()) == 2
+
+
+@pytest.mark.parametrize("change", ["UPDATE trials SET trace_s = 1", "DELETE FROM trials"])
+def test_a_row_is_never_changed(store, change):
+    store.add_trial("s", TRIAL, Outcome("ok", trace_s=2.0))
+    with pytest.raises(sqlite3.IntegrityError, match="never"):
+        sqlite3.connect(store.path, isolation_level=None).execute(change)
+    assert store.records()[0]["trace_s"] == 2.0
+
+
+def test_it_is_durable_and_readable_while_written(store):
+    store.add_trial("s", TRIAL, Outcome("ok"))
+    assert store._db.execute("PRAGMA journal_mode").fetchone()[0] == "wal"
+    assert store._db.execute("PRAGMA synchronous").fetchone()[0] == 2  # FULL
+    assert len(Store(store.path).records()) == 1
+
+
+def test_checks_keep_their_order_and_figures(store):
+    for passed in (True, False):
+        store.add_check(Check("ball", "h", 8, 8, "p", "POV-Ray", passed, "", {"rms": 0.5}, "now"))
+    assert [(c["passed"], c["figures"]) for c in store.checks()] == [
+        (1, {"rms": 0.5}),
+        (0, {"rms": 0.5}),
+    ]
+
+
+def test_a_file_that_is_no_store_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "trials.sqlite"
+    path.write_text("not a database, and longer than the header of one is" * 10)
+    with pytest.raises(UserError, match="not a database"):
+        Store(path)
+
+
+def test_a_store_of_another_version_is_refused(tmp_path):
+    path = tmp_path / "trials.sqlite"
+    sqlite3.connect(path).execute("PRAGMA user_version = 99")
+    with pytest.raises(UserError, match="version 99"):
+        Store(path)

@@ -1,0 +1,94 @@
+"""`csgbench trace`: one picture of one model by one scheme, and what it took."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+import tracers
+from harness import UserError
+from harness.images import write_picture
+from harness.mesh import tessellate
+from harness.openscad import to_csg
+from harness.scenes import Scene, frame, load_scenes
+from harness.schemes import catalogue, parse_settings
+from harness.table import NOTHING, integer, megabytes, milliseconds, number
+from harness.trials import CACHE, MESH_SEGMENTS, load_model
+
+MAX_PIXELS = 1 << 26
+
+
+def trace(
+    console: Console,
+    model: str,
+    scheme: str,
+    settings: list[str],
+    size: str,
+    output: Path | None,
+) -> None:
+    """Trace, write `output` if it is asked for, and print times, memory and counters."""
+    known = catalogue()
+    params = parse_settings(known, scheme, settings)
+    width, height = parse_size(size)
+    if output and output.suffix.lower() not in (".png", ".exr"):
+        raise UserError(f"{output}: a picture is written as .png or .exr")
+
+    tree, scene = _load(model)
+    for warning in tree.warnings:
+        console.print(f"warning: {warning}", style="yellow", markup=False)
+    mesh = tessellate(tree, MESH_SEGMENTS) if known[scheme].needs_mesh else None
+    arrays = mesh and (mesh.vertices, mesh.triangles, mesh.leaf_of_triangle)
+    try:
+        tracer = tracers.make(scheme, tree, params, arrays)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    view = scene.view(width, height)
+    picture = tracer.render(view)
+    counted = tracer.render(view, count=True, cost=True)
+    if output:
+        write_picture(output, counted)
+
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_row("model", f"{model}: {tree.halfspaces:,} halfspaces, {tree.nodes:,} nodes")
+    shown = " ".join(f"{name}={value}" for name, value in params.items())
+    exact = "" if known[scheme].exact else " (inexact)"
+    table.add_row("scheme", f"{scheme} {shown}{exact}")
+    if mesh:
+        table.add_row("mesh", f"{len(mesh.triangles):,} triangles in {number(mesh.mesh_s)} s")
+    table.add_row("build", f"{milliseconds(tracer.build_s)} ms, {megabytes(tracer.bytes)} MB")
+    speed = 1e9 * picture.trace_s / picture.rays
+    table.add_row("trace", f"{milliseconds(picture.trace_s)} ms, {number(speed)} ns a ray")
+    table.add_row("rays", f"{picture.rays:,}, {width}×{height} primary and the rest shadow rays")
+    for name, count in counted.counters.items():
+        per_ray = f"{number(count / picture.rays)} a ray" if count else NOTHING
+        table.add_row(name.replace("_", " "), f"{integer(count)}, {per_ray}")
+    for name, value in tracer.facts.items():
+        table.add_row(name.replace("_", " "), number(value))
+    table.add_row("picture", f"{picture.hash}{f', written to {output}' if output else ''}")
+    console.print(table)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """`512x512` to width and height."""
+    match = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= size[0] * size[1] <= MAX_PIXELS:
+        raise UserError(f"size '{text}' is not of the form 512x512, or is too large")
+    return size
+
+
+def _load(model: str) -> tuple[tracers.CsgTree, Scene]:
+    """A scene by its name, or a file, which gets a camera that sees all of it."""
+    path = Path(model)
+    if model in load_scenes():
+        return load_model(model, "as_written"), load_scenes()[model]
+    if path.suffix not in (".scad", ".csg"):
+        names = ", ".join(load_scenes())
+        raise UserError(f"no scene '{model}'; known: {names}, or the path of a .scad or .csg file")
+    if not path.is_file():
+        raise UserError(f"{path}: no such file")
+    tree = tracers.load_csg(str(to_csg(path, CACHE) if path.suffix == ".scad" else path))
+    return tree, frame(tree)

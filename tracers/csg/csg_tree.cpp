@@ -1,0 +1,194 @@
+// Checks a tree and derives what every scheme needs of it: inverses, world bounds, size, pad.
+#include "csg_tree.hpp"
+
+#include <utility>
+
+#include "invert.hpp"
+
+namespace csg {
+namespace {
+
+const char* name_of(Kind kind) {
+  switch (kind) {
+    case Kind::Sphere: return "sphere";
+    case Kind::Block: return "block";
+    case Kind::Cylinder: return "cylinder";
+    case Kind::Cone: return "cone";
+    case Kind::Torus: return "torus";
+  }
+  return "halfspace of unknown kind";
+}
+
+int sizes_of(Kind kind) {
+  switch (kind) {
+    case Kind::Sphere: return 1;
+    case Kind::Cylinder:
+    case Kind::Torus: return 2;
+    case Kind::Block:
+    case Kind::Cone: break;
+  }
+  return 3;
+}
+
+bool finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+/// What is wrong with a leaf's sizes, or nullptr.
+const char* fault_of_sizes(const Leaf& leaf) {
+  const double* size = leaf.size;
+  for (int i = 0; i < sizes_of(leaf.kind); ++i) {
+    if (!std::isfinite(size[i])) return "a size is not finite";
+  }
+  if (leaf.kind == Kind::Cone) {
+    const bool solid = size[0] >= 0 && size[1] >= 0 && size[0] + size[1] > 0 && size[2] > 0;
+    return solid ? nullptr : "a size is not positive";
+  }
+  for (int i = 0; i < sizes_of(leaf.kind); ++i) {
+    if (!(size[i] > 0)) return "a size is not positive";
+  }
+  if (leaf.kind == Kind::Torus && size[0] < size[1]) {
+    return "a torus whose major radius is less than its minor radius";
+  }
+  return nullptr;
+}
+
+/// The tight world bounds of a placed primitive, from its support along each world axis: `row` is
+/// that axis taken to local coordinates.
+Box world_bounds(const Leaf& leaf) {
+  const double* size = leaf.size;
+  const Affine& place = leaf.world_from_local;
+  Box box;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3 row{place.linear.col[0][axis], place.linear.col[1][axis], place.linear.col[2][axis]};
+    const double around = std::hypot(row.x, row.y);
+    double above = 0, below = 0;
+    switch (leaf.kind) {
+      case Kind::Sphere:
+        above = below = size[0] * std::hypot(row.x, row.y, row.z);
+        break;
+      case Kind::Block:
+        above = below = std::abs(row.x) * size[0] + std::abs(row.y) * size[1] +
+                        std::abs(row.z) * size[2];
+        break;
+      case Kind::Cylinder:
+        above = below = size[0] * around + size[1] * std::abs(row.z);
+        break;
+      case Kind::Cone: {  // the hull of its two discs
+        const double bottom = size[0] * around, top = size[1] * around, rise = size[2] * row.z;
+        above = std::max(bottom - rise, top + rise);
+        below = std::max(bottom + rise, top - rise);
+        break;
+      }
+      case Kind::Torus:
+        above = below = size[0] * around + size[1] * std::hypot(row.x, row.y, row.z);
+        break;
+    }
+    box.lo[axis] = place.offset[axis] - below;
+    box.hi[axis] = place.offset[axis] + above;
+  }
+  return box;
+}
+
+bool is_identity(const Mat3& m) {
+  for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; ++r) {
+      if (m.col[c][r] != (c == r ? 1.0 : 0.0)) return false;
+    }
+  }
+  return true;
+}
+
+void derive(Leaf& leaf, std::size_t index) {
+  const auto refuse = [&](const char* fault) {
+    throw ModelError("leaf " + std::to_string(index) + " (" + name_of(leaf.kind) + "): " + fault);
+  };
+  if (const char* fault = fault_of_sizes(leaf)) refuse(fault);
+  const Inverse inverse = invert(leaf.world_from_local.linear);
+  if (!inverse.usable()) refuse("its transform is singular or not finite");
+  leaf.local_from_world = inverse.matrix;
+  leaf.condition = inverse.condition;
+  leaf.is_translation = is_identity(leaf.world_from_local.linear);
+  leaf.bounds = world_bounds(leaf);
+  if (!finite(leaf.bounds.lo) || !finite(leaf.bounds.hi)) refuse("its bounds are not finite");
+}
+
+[[noreturn]] void refuse_node(std::size_t index, const char* fault) {
+  throw ModelError("node " + std::to_string(index) + ": " + fault);
+}
+
+/// Refuses nodes that are not one tree in post-order with each leaf used once. Returns the S-bound
+/// of the root by Figure 5, upwards. The stack holds the subtrees that still wait for their parent.
+Box checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nodes) {
+  struct Subtree {
+    std::int32_t root;
+    Box bounds;
+  };
+  std::vector<Subtree> waiting;
+  std::vector<bool> used(leaves.size(), false);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const Node& node = nodes[i];
+    const auto root = static_cast<std::int32_t>(i);
+    if (node.op == Op::Leaf) {
+      const auto leaf = static_cast<std::size_t>(node.left);
+      if (node.left < 0 || leaf >= leaves.size()) refuse_node(i, "no such leaf");
+      if (used[leaf]) refuse_node(i, "its leaf is used twice");
+      used[leaf] = true;
+      waiting.push_back({root, leaves[leaf].bounds});
+      continue;
+    }
+    if (node.op > Op::Difference) refuse_node(i, "no such operator");
+    const bool in_post_order = waiting.size() >= 2 && node.right == waiting.back().root &&
+                               node.left == waiting[waiting.size() - 2].root;
+    if (!in_post_order) refuse_node(i, "its children do not stand in post-order");
+    const Box right = waiting.back().bounds;
+    waiting.pop_back();
+    Subtree& left = waiting.back();
+    if (node.op == Op::Union) left.bounds = hull(left.bounds, right);
+    if (node.op == Op::Intersection) left.bounds = intersection(left.bounds, right);
+    left.root = root;
+  }
+  if (waiting.size() != 1) throw ModelError("the nodes are not one tree");
+  if (nodes.size() != 2 * leaves.size() - 1) throw ModelError("some leaves stand in no node");
+  return waiting.back().bounds;
+}
+
+}  // namespace
+
+CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes,
+                 std::vector<std::string> warnings)
+    : leaves_(std::move(leaves)), nodes_(std::move(nodes)), warnings_(std::move(warnings)) {
+  if (leaves_.empty() || nodes_.empty()) throw ModelError("the model is empty");
+  if (leaves_.size() > std::size_t{1} << 30) throw ModelError("more than 2^30 halfspaces");
+  Box all;
+  for (std::size_t i = 0; i < leaves_.size(); ++i) {
+    derive(leaves_[i], i);
+    all = hull(all, leaves_[i].bounds);
+  }
+  bounds_ = checked_bounds(leaves_, nodes_);
+  const Vec3 diagonal = all.hi - all.lo, center = all.center();
+  size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) +
+          std::hypot(center.x, center.y, center.z);
+  if (!std::isfinite(size_)) throw ModelError("the size of the model is not finite");
+  pad_ = std::ldexp(size_, -30);
+}
+
+std::size_t CsgTree::bytes() const {
+  std::size_t total = sizeof(*this) + leaves_.capacity() * sizeof(Leaf) +
+                      nodes_.capacity() * sizeof(Node) +
+                      warnings_.capacity() * sizeof(std::string);
+  for (const std::string& warning : warnings_) total += warning.capacity();
+  return total;
+}
+
+CsgTree CsgTree::scaled(int exponent) const {
+  std::vector<Leaf> leaves = leaves_;
+  for (Leaf& leaf : leaves) {
+    for (double& size : leaf.size) size = std::ldexp(size, exponent);
+    for (int axis = 0; axis < 3; ++axis) {
+      double& offset = leaf.world_from_local.offset[axis];
+      offset = std::ldexp(offset, exponent);
+    }
+  }
+  return CsgTree(std::move(leaves), nodes_, warnings_);
+}
+
+}  // namespace csg

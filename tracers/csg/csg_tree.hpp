@@ -1,0 +1,74 @@
+// The model: a binary tree of Boolean operators over halfspaces, as every scheme receives it.
+#pragma once
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "../vec.hpp"
+
+namespace csg {
+
+/// A model that cannot be used; what() is one line, `file:line:col: message` where there is a file.
+struct ModelError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// The halfspaces of Figure 7 (Kind::Block is OpenSCAD's cube), and a sphere.
+enum class Kind : std::uint8_t { Sphere, Block, Cylinder, Cone, Torus };
+
+/// A halfspace: a bounded primitive centred on its local origin, axis z, placed by an affine map.
+struct Leaf {
+  Kind kind = Kind::Sphere;
+  /// Sphere: radius. Block: three half extents. Cylinder: radius, half height.
+  /// Cone: radius at -half height, radius at +half height, half height. Torus: major, minor radius.
+  double size[3] = {0, 0, 0};
+  Affine world_from_local;
+  bool has_color = false;
+  float color[3] = {0, 0, 0};  ///< OpenSCAD's color(), linear 0..1; outermost wins as in OpenSCAD
+
+  // Derived by CsgTree; never set by a loader.
+  Mat3 local_from_world;      ///< inverse of world_from_local.linear
+  bool is_translation = false;  ///< world_from_local.linear is the identity
+  double condition = 1;       ///< of world_from_local.linear, Frobenius
+  Box bounds;                 ///< world, tight up to rounding, not padded
+};
+
+enum class Op : std::uint8_t { Leaf, Union, Intersection, Difference };
+
+/// `left` is the leaf's index for Op::Leaf; else `left` and `right` are indices of nodes.
+struct Node {
+  Op op = Op::Leaf;
+  std::int32_t left = -1;
+  std::int32_t right = -1;
+};
+
+/// Immutable. Nodes stand in post-order (children before parents, the root last), so that no walk
+/// over a tree of any depth needs recursion. Leaves are numbered in the order of the source.
+class CsgTree {
+ public:
+  /// Completes the leaves' derived fields. Throws ModelError if the tree is empty, a number is not
+  /// finite, a size is not positive, a torus has major < minor, or a transform is singular.
+  CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings = {});
+
+  const std::vector<Leaf>& leaves() const { return leaves_; }
+  const std::vector<Node>& nodes() const { return nodes_; }
+  const std::vector<std::string>& warnings() const { return warnings_; }
+
+  Box bounds() const { return bounds_; }     ///< S-bound of the root (Figure 5, upwards), not padded
+  double size() const { return size_; }      ///< the `size` of the hit rule: extent of all leaves and their distance from 0
+  double pad() const { return pad_; }        ///< P of the hit rule, rule 9
+  std::size_t bytes() const;
+
+  /// The same model in units 2^exponent times as large: every answer scales without rounding.
+  CsgTree scaled(int exponent) const;
+
+ private:
+  std::vector<Leaf> leaves_;
+  std::vector<Node> nodes_;
+  std::vector<std::string> warnings_;
+  Box bounds_;
+  double size_ = 0, pad_ = 0;
+};
+
+}  // namespace csg

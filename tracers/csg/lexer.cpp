@@ -1,0 +1,132 @@
+#include "lexer.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <system_error>
+
+namespace csg {
+namespace {
+
+constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
+constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+constexpr bool starts_word(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$';
+}
+constexpr bool is_symbol(char c) {
+  switch (c) {
+    case '(': case ')': case '[': case ']': case '{': case '}': case ',': case ';': case '=':
+    case '!': case '#': case '%': case '*': return true;
+    default: return false;
+  }
+}
+
+std::string printable(char c) {
+  if (c >= ' ' && c <= '~') return {'\'', c, '\''};
+  char hex[16];
+  std::snprintf(hex, sizeof hex, "byte 0x%02x", static_cast<unsigned>(static_cast<unsigned char>(c)));
+  return hex;
+}
+
+}  // namespace
+
+std::string Source::at(std::size_t offset) const {
+  const std::string_view before = text.substr(0, offset);
+  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const std::size_t line_start = before.rfind('\n') + 1;  // npos + 1 is 0: the first line
+  return name + ":" + std::to_string(line) + ":" + std::to_string(offset - line_start + 1);
+}
+
+void Source::fail(std::size_t offset, const std::string& message) const {
+  throw ModelError(at(offset) + ": " + message);
+}
+
+std::string Token::quoted() const {
+  constexpr std::size_t kLongest = 40;
+  if (kind == TokenKind::End) return "end of file";
+  if (kind == TokenKind::String) return "a string";
+  std::string result = "'";
+  result += text.substr(0, kLongest);
+  return result += text.size() > kLongest ? "...'" : "'";
+}
+
+void Lexer::skip_space_and_comments() {
+  const std::string_view text = source_.text;
+  while (true) {
+    while (offset_ < text.size() && is_space(text[offset_])) ++offset_;
+    const std::string_view start = text.substr(offset_, 2);
+    if (start == "//") {
+      offset_ = std::min(text.find('\n', offset_), text.size());
+    } else if (start == "/*") {
+      const std::size_t close = text.find("*/", offset_ + 2);
+      if (close == std::string_view::npos) source_.fail(offset_, "comment without an end");
+      offset_ = close + 2;
+    } else {
+      return;
+    }
+  }
+}
+
+Token Lexer::next() {
+  skip_space_and_comments();
+  if (offset_ == source_.text.size()) return {TokenKind::End, {}, offset_};
+  const char c = source_.text[offset_];
+  if (starts_word(c)) return word();
+  if (is_digit(c) || c == '-' || c == '+' || c == '.') return number();
+  if (c == '"') return string();
+  if (!is_symbol(c)) source_.fail(offset_, "unexpected " + printable(c));
+  return {TokenKind::Symbol, source_.text.substr(offset_++, 1), offset_ - 1};
+}
+
+Token Lexer::word() {
+  const std::size_t begin = offset_;
+  while (offset_ < source_.text.size() &&
+         (starts_word(source_.text[offset_]) || is_digit(source_.text[offset_]))) {
+    ++offset_;
+  }
+  return {TokenKind::Word, source_.text.substr(begin, offset_ - begin), begin};
+}
+
+/// Decimal numbers, and the `nan`, `-nan`, `inf`, `-inf` that OpenSCAD prints; those without a sign
+/// come as words.
+Token Lexer::number() {
+  const std::size_t begin = offset_;
+  const char* const text = source_.text.data();
+  const char* const end = text + source_.text.size();
+  const char* first = text + begin;
+  if (*first == '+' && first + 1 < end && first[1] != '-') ++first;  // from_chars takes no plus
+  Token token{TokenKind::Number, {}, begin};
+  const auto [last, error] = std::from_chars(first, end, token.number);
+  if (error == std::errc::result_out_of_range) {
+    source_.fail(begin, "a number beyond the range of double");
+  }
+  if (error != std::errc()) source_.fail(begin, "a malformed number");
+  offset_ = static_cast<std::size_t>(last - text);
+  if (offset_ < source_.text.size() && (starts_word(*last) || *last == '.')) {
+    source_.fail(begin, "a malformed number");
+  }
+  token.text = source_.text.substr(begin, offset_ - begin);
+  return token;
+}
+
+/// OpenSCAD 2021.01 writes strings without escapes: text("a\"b") comes out as text = "a"b". So a
+/// quote ends the string only before what may follow a value.
+Token Lexer::string() {
+  const std::string_view text = source_.text;
+  const std::size_t begin = offset_ + 1;
+  for (std::size_t i = begin; i < text.size(); ++i) {
+    if (text[i] == '\\') {
+      ++i;
+    } else if (text[i] == '"') {
+      std::size_t after = i + 1;
+      while (after < text.size() && is_space(text[after])) ++after;
+      if (after == text.size() || std::string_view(",)]").find(text[after]) != std::string_view::npos) {
+        offset_ = i + 1;
+        return {TokenKind::String, text.substr(begin, i - begin), begin - 1};
+      }
+    }
+  }
+  source_.fail(begin - 1, "string without an end");
+}
+
+}  // namespace csg

@@ -1,0 +1,123 @@
+// Localized CSG trees: what is left of the tree inside one cell (the paper's section 3.1.2).
+//
+// Figure 3 in three lines: a node is a union (true where at least 1 child is) or an intersection
+// (where 2 are), and each edge to a parent may complement: A − B is A ∩ ¬B. With that, all 27 rows,
+// the 5 missing ones included, are one rule: a child that decides its parent absorbs it, a child
+// that is neutral leaves the other in the parent's place. `Full − Partial` thereby becomes the
+// complemented right tree, and no Full literal is needed.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "../error_unit.hpp"
+#include "../primitives/primitive.hpp"
+#include "csg_tree.hpp"
+
+namespace csg {
+
+/// Eight bytes a node, in pre-order: a subtree is the run of `subtree()` nodes from its root.
+class TreeNode {
+ public:
+  static TreeNode make_leaf(std::int32_t leaf) { return {leaf, 0}; }
+  static TreeNode make_operator(bool is_union) { return {-1, is_union ? 0 : kTwo}; }
+
+  bool is_leaf() const { return link_ >= 0; }
+  std::int32_t leaf() const { return link_; }
+  int subtree() const { return is_leaf() ? 1 : -link_; }
+  std::uint32_t parent() const { return packed_ >> 4; }
+  bool complemented() const { return packed_ & kComplement; }
+  bool is_union() const { return !(packed_ & kTwo); }
+  /// How many children must hold for the node to hold.
+  int threshold() const { return is_union() ? 1 : 2; }
+  /// How many children hold where every leaf is outside.
+  int base() const { return static_cast<int>(packed_ & kBase); }
+
+  void set_subtree(int nodes) { link_ = -nodes; }
+  void set_parent(std::uint32_t node) { packed_ = (packed_ & 15u) | node << 4; }
+  void set_complemented(bool on) { packed_ = on ? packed_ | kComplement : packed_ & ~kComplement; }
+  void add_to_base() { ++packed_; }
+  void clear_base() { packed_ &= ~kBase; }
+
+ private:
+  static constexpr std::uint32_t kBase = 3, kTwo = 4, kComplement = 8;
+  TreeNode(std::int32_t link, std::uint32_t packed) : link_(link), packed_(packed) {}
+  std::int32_t link_;     // leaf index, or −(nodes of the subtree)
+  std::uint32_t packed_;  // parent << 4 | complemented | needs two | base
+};
+
+using TreeView = std::span<const TreeNode>;
+
+/// The whole tree in this form. Throws ModelError past 2²⁸ nodes.
+std::vector<TreeNode> global_tree(const CsgTree& tree);
+
+/// Simplifies `tree` by `class_of` its leaves (one for each leaf node, in order). Returns the class
+/// of the solid in the cell; if Partial, `localized` holds what is left. No recursion.
+class Localizer {
+ public:
+  Class localize(TreeView tree, std::span<const Class> class_of, std::vector<TreeNode>& localized);
+
+ private:
+  struct Verdict {
+    std::uint8_t partial = 0;   // children that stay
+    bool decided = false;       // a child decides the node
+    Class result = Class::Partial;
+  };
+  std::vector<Verdict> verdicts_;
+  std::vector<std::uint32_t> emitted_;
+  std::vector<std::uint8_t> moved_;
+};
+
+/// Localizes a tree to a cell, classifying its leaves by their own geometry.
+class CellClassifier {
+ public:
+  explicit CellClassifier(const CsgTree& tree) : tree_(tree) {}
+
+  /// `cell` without pad; the classes hold for the cell grown by P (rule 9).
+  Class localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized);
+
+ private:
+  const CsgTree& tree_;
+  Localizer localizer_;
+  std::vector<Class> classes_;
+};
+
+inline int leaf_count(TreeView tree) { return (static_cast<int>(tree.size()) + 1) / 2; }
+
+/// The tree's value while a ray crosses its leaves one by one. A toggle climbs only as far as values
+/// change. `Work` counts the operators that it evaluates.
+class TreeState {
+ public:
+  void reset(TreeView tree) {
+    tree_ = tree;
+    holding_.resize(tree.size());
+    for (std::size_t i = 0; i < tree.size(); ++i) holding_[i] = static_cast<std::uint8_t>(tree[i].base());
+    inside_ = (!tree[0].is_leaf() && holding_[0] >= tree[0].threshold()) != tree[0].complemented();
+  }
+
+  bool inside() const { return inside_; }
+
+  /// Crosses the surface of the leaf at `node`.
+  template <class Work>
+  void toggle(std::uint32_t node, Work& work) {
+    bool holds = holding_[node] ^= 1;
+    while (node != 0) {
+      const TreeNode& child = tree_[node];
+      node = child.parent();
+      const int threshold = tree_[node].threshold();
+      const bool before = holding_[node] >= threshold;
+      holding_[node] = static_cast<std::uint8_t>(holding_[node] + (holds != child.complemented() ? 1 : -1));
+      holds = holding_[node] >= threshold;
+      work.boolean();
+      if (holds == before) return;
+    }
+    inside_ = holds != tree_[0].complemented();
+  }
+
+ private:
+  TreeView tree_;
+  std::vector<std::uint8_t> holding_;  // of a leaf: 1 inside; of an operator: children that hold
+  bool inside_ = false;
+};
+
+}  // namespace csg

@@ -1,0 +1,55 @@
+// Parameters of a scheme: declared with type, default, range and meaning; checked before building.
+#pragma once
+#include <map>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "tracer.hpp"
+
+namespace csg {
+
+using ParamValue = std::variant<long, std::string>;
+
+struct ParamSpec {
+  std::string name;
+  std::string meaning;
+  ParamValue default_value;
+  long minimum = 0, maximum = 0;       ///< of an int
+  std::vector<std::string> choices{};    ///< of a choice
+  std::vector<ParamValue> trial_values{};  ///< what the conformance suite tries
+};
+
+/// Every declared parameter with its value.
+class Params {
+ public:
+  /// Throws std::invalid_argument on an unknown name, naming the known, and on a bad value.
+  Params(const std::string& scheme, const std::vector<ParamSpec>& specs,
+         const std::map<std::string, ParamValue>& given);
+
+  int integer(const std::string& name) const;
+  const std::string& choice(const std::string& name) const;
+
+  std::shared_ptr<const TriangleMesh> mesh;  ///< for the schemes that trace one
+
+ private:
+  std::map<std::string, ParamValue> values_;
+};
+
+struct SchemeInfo {
+  std::string name;
+  std::string title;
+  bool exact = true;        ///< same leaf and same bits of t as naive, for every ray
+  bool needs_mesh = false;
+  std::vector<ParamSpec> params{};
+  std::unique_ptr<Tracer> (*make)(std::shared_ptr<const CsgTree>, const Params&) = nullptr;
+};
+
+/// All schemes of schemes.def, in its order.
+const std::vector<const SchemeInfo*>& schemes();
+
+/// Throws std::invalid_argument naming the known schemes.
+const SchemeInfo& scheme(const std::string& name);
+
+}  // namespace csg

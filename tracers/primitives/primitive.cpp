@@ -1,0 +1,119 @@
+// Dispatch by kind, the change of frame, and the class of a box for convex primitives.
+#include "primitive.hpp"
+
+#include "block.hpp"
+#include "cone.hpp"
+#include "cylinder.hpp"
+#include "sphere.hpp"
+#include "torus.hpp"
+#include "torus_class.hpp"
+
+namespace csg {
+namespace {
+
+Vec3 to_local(const Leaf& leaf, const Vec3& p) {
+  const Vec3 from_centre = p - leaf.world_from_local.offset;
+  return leaf.is_translation ? from_centre : leaf.local_from_world * from_centre;
+}
+
+bool contains(const Leaf& leaf, const Vec3& p) {
+  switch (leaf.kind) {
+    case Kind::Sphere: return sphere::contains(leaf.size, p);
+    case Kind::Block: return block::contains(leaf.size, p);
+    case Kind::Cylinder: return cylinder::contains(leaf.size, p);
+    case Kind::Cone: return cone::contains(leaf.size, p);
+    case Kind::Torus: break;  // not convex: torus_class.hpp
+  }
+  return false;
+}
+
+/// Whether all corners, hence the whole box, lie in the convex leaf.
+bool contains_box(const Leaf& leaf, const Box& box) {
+  if (!contains(leaf, to_local(leaf, box.center()))) return false;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3 p{corner & 1 ? box.hi.x : box.lo.x, corner & 2 ? box.hi.y : box.lo.y,
+                 corner & 4 ? box.hi.z : box.lo.z};
+    if (!contains(leaf, to_local(leaf, p))) return false;
+  }
+  return true;
+}
+
+/// Whether a plane certainly separates the box from the leaf's hull. Gilbert's iteration towards the
+/// point of the Minkowski difference nearest 0 proposes the plane's normal; the supports certify it.
+bool separated(const Leaf& leaf, const Box& box) {
+  const Vec3 centre = box.center(), half = box.half();
+  Vec3 nearest = centre - leaf.world_from_local.offset;  // a point of box − hull
+  for (int step = 0; step < 12; ++step) {
+    const Vec3 v = nearest;
+    const Vec3 of_box = centre - Vec3{std::copysign(half.x, v.x), std::copysign(half.y, v.y),
+                                      std::copysign(half.z, v.z)};
+    const Vec3 w = of_box - support(leaf, v);
+    if (dot(v, w) > 0) return true;
+    const Vec3 back = w - nearest;  // nearest ← the point of the segment [nearest, w] nearest 0
+    const double along = -dot(nearest, back), span = dot(back, back);
+    if (!(along > 0) || !(span > 0)) return false;
+    nearest = nearest + std::min(along / span, 1.0) * back;
+  }
+  return false;
+}
+
+/// Whether the point of the box nearest the leaf's centre lies in the leaf: then they overlap.
+bool surely_overlaps(const Leaf& leaf, const Box& box) {
+  const Vec3 nearest = max(box.lo, min(box.hi, leaf.world_from_local.offset));
+  return leaf.kind != Kind::Torus && contains(leaf, to_local(leaf, nearest));
+}
+
+}  // namespace
+
+Crossings crossings(const Leaf& leaf, const Ray& ray) {
+  const Vec3 o = to_local(leaf, ray.origin);
+  const Vec3 d = leaf.is_translation ? ray.dir : leaf.local_from_world * ray.dir;
+  const Line<double> line{o.x, o.y, o.z, d.x, d.y, d.z};
+  switch (leaf.kind) {
+    case Kind::Sphere: return sphere::crossings(leaf.size, line);
+    case Kind::Block: return block::crossings(leaf.size, line);
+    case Kind::Cylinder: return cylinder::crossings(leaf.size, line);
+    case Kind::Cone: return cone::crossings(leaf.size, line);
+    case Kind::Torus: return torus::crossings(leaf.size, line);
+  }
+  return {};
+}
+
+Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {
+  const Vec3 local = to_local(leaf, p);
+  Vec3 gradient;
+  switch (leaf.kind) {
+    case Kind::Sphere: gradient = sphere::gradient(leaf.size, face, local); break;
+    case Kind::Block: gradient = block::gradient(leaf.size, face, local); break;
+    case Kind::Cylinder: gradient = cylinder::gradient(leaf.size, face, local); break;
+    case Kind::Cone: gradient = cone::gradient(leaf.size, face, local); break;
+    case Kind::Torus: gradient = torus::gradient(leaf.size, face, local); break;
+  }
+  return leaf.is_translation ? gradient : transposed_times(leaf.local_from_world, gradient);
+}
+
+Vec3 support(const Leaf& leaf, const Vec3& v) {
+  const Vec3 local = transposed_times(leaf.world_from_local.linear, v);
+  switch (leaf.kind) {
+    case Kind::Sphere: return leaf.world_from_local * sphere::support(leaf.size, local);
+    case Kind::Block: return leaf.world_from_local * block::support(leaf.size, local);
+    case Kind::Cylinder: return leaf.world_from_local * cylinder::support(leaf.size, local);
+    case Kind::Cone: return leaf.world_from_local * cone::support(leaf.size, local);
+    case Kind::Torus: return leaf.world_from_local * torus::support(leaf.size, local);
+  }
+  return {};
+}
+
+Class classify(const Leaf& leaf, const Box& box) {
+  if (intersection(leaf.bounds, box).empty()) return Class::Empty;
+  if (!surely_overlaps(leaf, box) && separated(leaf, box)) return Class::Empty;
+  if (leaf.kind == Kind::Torus) {
+    const Mat3& local = leaf.local_from_world;
+    const Vec3 half = box.half();
+    const Mat3 edges{{half.x * local.col[0], half.y * local.col[1], half.z * local.col[2]}};
+    return torus::classify(leaf.size, to_local(leaf, box.center()), edges, 1);
+  }
+  return contains_box(leaf, box) ? Class::Full : Class::Partial;
+}
+
+}  // namespace csg

@@ -1,0 +1,29 @@
+// A picture by one tracer: primary rays, shadow rays, matte shading.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "view.hpp"
+
+namespace csg {
+
+/// Planes of height × width pixels, row by row from the top.
+struct Picture {
+  int width = 0, height = 0;
+  std::vector<Vec3> rgb;            ///< linear
+  std::vector<double> depth;        ///< from the eye along the ray, +inf where nothing is hit
+  std::vector<Vec3> normal;         ///< out of the solid, 0 where nothing is hit
+  std::vector<std::int32_t> leaf;   ///< −1 where nothing is hit
+  std::vector<std::uint8_t> lit;    ///< bit i: light i faces the surface and reaches it
+  std::vector<double> cost;         ///< primitives tested for the pixel; only if asked for
+  std::uint64_t rays = 0;           ///< primary and shadow
+
+  /// FNV-1a over the bits of depth, leaf and lit: equal for all exact schemes.
+  std::uint64_t hash() const;
+};
+
+/// One thread. Rays go to the tracer in batches of a tile, in 4×4 order. With `per_pixel_cost` each
+/// ray is a batch of its own and `counters` must not be null.
+Picture render(const Tracer& tracer, const View& view, Counters* counters = nullptr, bool per_pixel_cost = false);
+
+}  // namespace csg

@@ -1,0 +1,142 @@
+// Uniform grid: a localized CSG tree in each voxel of a regular grid (Bouatouch et al. 1987).
+//
+// The solid's bounding box is cut into n voxels along its longest side and as many of about the same
+// size along the others. Rays go from voxel to voxel by 3D-DDA (Amanatides and Woo 1987), with t
+// computed from the plane's index and never summed up, so that no voxel is skipped.
+//   n   voxels along the longest side.
+#include "../params.hpp"
+#include "../structures/cells.hpp"
+
+namespace csg {
+namespace {
+
+class UniformGrid final : public Tracer {
+ public:
+  UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution)
+      : Tracer(std::move(tree)), world_(tree_->bounds().padded(tree_->pad())), trees_(*tree_) {
+    const Vec3 extent = world_.hi - world_.lo;
+    const double voxel = std::max({extent.x, extent.y, extent.z}) / resolution;
+    for (int axis = 0; axis < 3; ++axis) {
+      size_[axis] = std::clamp(static_cast<int>(std::lround(extent[axis] / voxel)), 1, resolution);
+      step_[axis] = extent[axis] / size_[axis];
+    }
+    cells_.resize(static_cast<std::size_t>(size_[0]) * static_cast<std::size_t>(size_[1]) *
+                  static_cast<std::size_t>(size_[2]));
+    CellClassifier classifier(*tree_);
+    std::vector<std::vector<TreeNode>> tree_of_depth(64);
+    divide(classifier, tree_of_depth, 0, global_tree(*tree_), {{0, 0, 0}, {size_[0], size_[1], size_[2]}});
+    trees_.shrink();
+  }
+
+  std::size_t bytes() const override { return cells_.size() * sizeof(cells_[0]) + trees_.bytes(); }
+
+  std::map<std::string, double> facts() const override {
+    std::map<std::string, double> facts{{"cells", static_cast<double>(cells_.size())}};
+    trees_.describe(facts);
+    return facts;
+  }
+
+ private:
+  struct Range {
+    int lo[3], hi[3];
+  };
+
+  double plane(int axis, int index) const { return world_.lo[axis] + index * step_[axis]; }
+  std::size_t index(const int at[3]) const {
+    return static_cast<std::size_t>(at[0]) +
+           static_cast<std::size_t>(size_[0]) *
+               (static_cast<std::size_t>(at[1]) + static_cast<std::size_t>(size_[1]) * static_cast<std::size_t>(at[2]));
+  }
+
+  /// Halves a range of voxels until it is constant or one voxel: each localizes its parent's tree.
+  void divide(CellClassifier& classifier, std::vector<std::vector<TreeNode>>& tree_of_depth, std::size_t depth,
+              TreeView parent, const Range& range) {
+    Box box;
+    int longest = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      box.lo[axis] = plane(axis, range.lo[axis]);
+      box.hi[axis] = plane(axis, range.hi[axis]);
+      if (range.hi[axis] - range.lo[axis] > range.hi[longest] - range.lo[longest]) longest = axis;
+    }
+    std::vector<TreeNode>& tree = tree_of_depth[depth];
+    const Class kind = classifier.localize(parent, box, tree);
+    const int middle = (range.lo[longest] + range.hi[longest]) / 2;
+    if (kind != Class::Partial || middle == range.lo[longest]) {
+      const Cell cell = kind == Class::Partial ? trees_.add(tree, box) : Cell::constant(kind == Class::Full);
+      int at[3];
+      for (at[2] = range.lo[2]; at[2] < range.hi[2]; ++at[2])
+        for (at[1] = range.lo[1]; at[1] < range.hi[1]; ++at[1])
+          for (at[0] = range.lo[0]; at[0] < range.hi[0]; ++at[0]) cells_[index(at)] = cell.code();
+      return;
+    }
+    Range half = range;
+    half.hi[longest] = middle;
+    divide(classifier, tree_of_depth, depth + 1, tree, half);
+    half = range;
+    half.lo[longest] = middle;
+    divide(classifier, tree_of_depth, depth + 1, tree, half);
+  }
+
+  template <class Visit>
+  void walk(const Ray& ray, const Reciprocal& reciprocal, double t0, double t_end, Visit visit) const {
+    int at[3], ahead[3], step[3];
+    double next[3];
+    const auto t_of = [&](int axis, int plane_index) {
+      return reciprocal.plane(axis, plane(axis, plane_index), ray.origin);
+    };
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool forward = ray.dir[axis] > 0;
+      const double p = ray.origin[axis] + (reciprocal.parallel[axis] ? 0 : t0 * ray.dir[axis]);
+      at[axis] = std::clamp(static_cast<int>(std::floor((p - world_.lo[axis]) / step_[axis])), 0, size_[axis] - 1);
+      step[axis] = forward ? 1 : -1;
+      ahead[axis] = forward ? 1 : 0;
+      next[axis] = kInfinity;
+      if (reciprocal.parallel[axis]) continue;
+      // The voxel is the one whose planes, by t, enclose t0.
+      while (0 <= at[axis] + step[axis] && at[axis] + step[axis] < size_[axis] && t_of(axis, at[axis] + ahead[axis]) <= t0)
+        at[axis] += step[axis];
+      while (0 <= at[axis] - step[axis] && at[axis] - step[axis] < size_[axis] && t0 < t_of(axis, at[axis] + 1 - ahead[axis]))
+        at[axis] -= step[axis];
+      next[axis] = t_of(axis, at[axis] + ahead[axis]);
+    }
+    for (;;) {
+      const int axis = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);
+      const double t1 = std::min(next[axis], t_end);
+      if (t0 < t1) {
+        if (visit(Cell::decode(cells_[index(at)]), t0, t1)) return;
+        t0 = t1;
+      }
+      at[axis] += step[axis];
+      if (!(t1 < t_end) || at[axis] < 0 || at[axis] >= size_[axis]) return;
+      next[axis] = t_of(axis, at[axis] + ahead[axis]);
+    }
+  }
+
+  void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
+    trace_cells(*tree_, world_, trees_, rays, hits, counters, [&](auto&&... along) { walk(along...); });
+  }
+
+  Box world_;
+  int size_[3];
+  Vec3 step_;
+  std::vector<std::int32_t> cells_;
+  CellTrees trees_;
+};
+
+}  // namespace
+
+extern const SchemeInfo scheme_uniform_grid;
+const SchemeInfo scheme_uniform_grid{
+    .name = "uniform_grid",
+    .title = "Uniform grid (Bouatouch)",
+    .params = {{.name = "n",
+                .meaning = "voxels along the longest side of the solid's bounding box",
+                .default_value = 48L,
+                .minimum = 1,
+                .maximum = 400,
+                .trial_values = {1L, 7L, 32L}}},
+    .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
+      return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"));
+    }};
+
+}  // namespace csg

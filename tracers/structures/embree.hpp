@@ -1,0 +1,127 @@
+// Embree, wrapped as far as the schemes need it: a device, a scene, and user geometry of boxes.
+// Embree's rays and bounds are float; whoever uses it here takes from it only which boxes to look at.
+#pragma once
+#include <embree3/rtcore.h>
+
+#include <stdexcept>
+#include <vector>
+
+#include "../slab.hpp"
+#include "../tracer.hpp"
+
+namespace csg {
+
+/// Float rays and boxes stray from the double ones by a few 2⁻²⁴ of the world: boxes are grown by
+/// 2⁻¹⁹ of its size, more than Embree's own arithmetic adds.
+inline constexpr double kEmbreePad = 0x1p-19;
+
+/// Owns a device and a scene of one geometry. Embree's build uses one thread, as all schemes do.
+class EmbreeScene {
+ public:
+  explicit EmbreeScene(RTCGeometryType type) : device_(rtcNewDevice("threads=1,start_threads=0")) {
+    if (!device_) throw std::runtime_error("Embree cannot start on this machine");
+    rtcSetDeviceMemoryMonitorFunction(device_, &count_bytes, &bytes_);
+    scene_ = rtcNewScene(device_);
+    rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+    geometry_ = rtcNewGeometry(device_, type);
+  }
+  ~EmbreeScene() {
+    rtcReleaseGeometry(geometry_);
+    rtcReleaseScene(scene_);
+    rtcReleaseDevice(device_);
+  }
+  EmbreeScene(const EmbreeScene&) = delete;
+  EmbreeScene& operator=(const EmbreeScene&) = delete;
+
+  RTCGeometry geometry() const { return geometry_; }
+  RTCScene scene() const { return scene_; }
+  std::size_t bytes() const { return bytes_ > 0 ? static_cast<std::size_t>(bytes_) : 0; }
+
+  void commit() {
+    rtcCommitGeometry(geometry_);
+    rtcAttachGeometry(scene_, geometry_);
+    rtcCommitScene(scene_);
+    if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
+      throw std::runtime_error("Embree failed to build, error " + std::to_string(error));
+  }
+
+ private:
+  static bool count_bytes(void* sum, ssize_t bytes, bool) {
+    *static_cast<ssize_t*>(sum) += bytes;
+    return true;
+  }
+
+  ssize_t bytes_ = 0;
+  RTCDevice device_;
+  RTCScene scene_;
+  RTCGeometry geometry_;
+};
+
+/// A float ray over [t0, t1] of a double one, starting there, so that a far origin costs no bits.
+inline RTCRayHit embree_ray(const Ray& ray, double t0, double t1) {
+  const Vec3 o = ray.origin + t0 * ray.dir;
+  RTCRayHit out{};
+  out.ray.org_x = static_cast<float>(o.x), out.ray.org_y = static_cast<float>(o.y), out.ray.org_z = static_cast<float>(o.z);
+  out.ray.dir_x = static_cast<float>(ray.dir.x), out.ray.dir_y = static_cast<float>(ray.dir.y);
+  out.ray.dir_z = static_cast<float>(ray.dir.z);
+  out.ray.tnear = 0;
+  out.ray.tfar = static_cast<float>((t1 - t0) * (1 + kEmbreePad));
+  out.ray.mask = ~0u;
+  out.hit.geomID = out.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return out;
+}
+
+/// Boxes with numbers: `query` calls `visit(number)` for every box that a ray meets, in no order but
+/// roughly near to far. `visit` may return a t beyond which boxes no longer matter, else +inf.
+class EmbreeBoxes {
+ public:
+  EmbreeBoxes(std::vector<Box> boxes, double pad) : boxes_(std::move(boxes)), pad_(pad), scene_(RTC_GEOMETRY_TYPE_USER) {
+    const RTCGeometry geometry = scene_.geometry();
+    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(boxes_.size()));
+    rtcSetGeometryUserData(geometry, this);
+    rtcSetGeometryBoundsFunction(geometry, &bounds, nullptr);
+    rtcSetGeometryIntersectFunction(geometry, &intersect);
+    scene_.commit();
+  }
+
+  const Box& box(std::size_t number) const { return boxes_[number]; }
+  std::size_t bytes() const { return boxes_.size() * sizeof(Box) + scene_.bytes(); }
+
+  template <class Visit>
+  void query(const Ray& ray, double t0, double t1, Visit visit) const {
+    Query query{{}, t0, &visit, [](void* to, unsigned number) { return (*static_cast<Visit*>(to))(number); }};
+    rtcInitIntersectContext(&query.context);
+    RTCRayHit embree = embree_ray(ray, t0, t1);
+    rtcIntersect1(scene_.scene(), &query.context, &embree);
+  }
+
+ private:
+  struct Query {
+    RTCIntersectContext context;  // first: Embree hands back a pointer to it
+    double t0;
+    void* visit;
+    double (*call)(void*, unsigned);
+  };
+
+  static void bounds(const RTCBoundsFunctionArguments* args) {
+    const auto* self = static_cast<const EmbreeBoxes*>(args->geometryUserPtr);
+    const Box box = self->boxes_[args->primID].padded(self->pad_);
+    *args->bounds_o = {static_cast<float>(box.lo.x), static_cast<float>(box.lo.y), static_cast<float>(box.lo.z), 0,
+                       static_cast<float>(box.hi.x), static_cast<float>(box.hi.y), static_cast<float>(box.hi.z), 0};
+  }
+
+  static void intersect(const RTCIntersectFunctionNArguments* args) {
+    if (!args->valid[0]) return;
+    const auto* query = reinterpret_cast<const Query*>(args->context);
+    const double limit = query->call(query->visit, args->primID);
+    if (limit == kInfinity) return;
+    auto& ray = reinterpret_cast<RTCRayHit*>(args->rayhit)->ray;
+    ray.tfar = std::min(ray.tfar, static_cast<float>((limit - query->t0) * (1 + kEmbreePad)));
+  }
+
+  std::vector<Box> boxes_;
+  double pad_;
+  EmbreeScene scene_;
+};
+
+}  // namespace csg

@@ -1,0 +1,79 @@
+"""Every exact scheme of the registry gives naive's leaf and naive's bits of t for every ray.
+
+There is no list of schemes here: what schemes.def names is tested, over the values that its parameters
+declare. `make conformance` runs 1,000,000 rays a family and scheme; `make test` a part of them.
+"""
+
+import itertools
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tracers
+from families import FAMILIES, onward, rays_for
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
+RAYS_PER_TREE = 1000
+
+
+def grid(scheme: "tracers.Scheme") -> list[dict]:
+    """All combinations of the values that the scheme wants tried."""
+    names = [p.name for p in scheme.parameters]
+    values = [p.trial_values for p in scheme.parameters]
+    return [dict(zip(names, combination, strict=True)) for combination in itertools.product(*values)]
+
+
+def differing(expected: "tracers.Hits", got: "tracers.Hits") -> np.ndarray:
+    """Indices of rays whose leaf, or any bit of whose t, differs."""
+    same_t = expected.t.view(np.uint64) == got.t.view(np.uint64)
+    return np.flatnonzero(~(same_t & (expected.leaf == got.leaf)))
+
+
+def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expected) -> None:
+    wrong = differing(expected, tracer.trace(rays))
+    if len(wrong):
+        i = wrong[0]
+        got = tracer.trace(rays[i : i + 1])
+        pytest.fail(
+            f"{name} {params}: {len(wrong)} of {len(rays)} rays differ; the first: ray {rays[i].tolist()}"
+            f" naive t={expected.t[i].hex()} leaf={expected.leaf[i]},"
+            f" got t={got.t[0].hex()} leaf={got.leaf[0]}; {tree.halfspaces} halfspaces"
+        )
+    blocked = tracer.occluded(rays)
+    assert np.array_equal(blocked.astype(bool), expected.leaf >= 0), f"{name} {params}: occluded ≠ trace"
+
+
+def check_tree(tree, rng: np.random.Generator, count: int, settings_of_scheme) -> None:
+    naive = tracers.make("naive", tree)
+    rays = rays_for(tree, rng, count)
+    first = naive.trace(rays)
+    rays = np.concatenate([rays, onward(rays, first.t, rng)])
+    expected = naive.trace(rays)
+    for scheme in EXACT:
+        for params in settings_of_scheme(scheme):
+            assert_same(tree, scheme.name, params, tracers.make(scheme.name, tree, params), rays, expected)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_family(family: str, request: pytest.FixtureRequest) -> None:
+    """Each tree meets one setting of each scheme; the settings take turns."""
+    total = request.config.getoption("--rays")
+    trees = max(len(grid(s)) for s in EXACT)
+    trees = max(trees, total // RAYS_PER_TREE)
+    count = max(1, total // trees)
+    for number in range(trees):
+        rng = np.random.default_rng([number, zlib.crc32(family.encode())])
+        tree = FAMILIES[family](rng)
+        check_tree(tree, rng, count, lambda s, n=number: [grid(s)[n % len(grid(s))]])
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@given(family=st.sampled_from(sorted(FAMILIES)), seed=st.integers(0, 2**32 - 1))
+def test_any_seed(family: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tree = FAMILIES[family](rng)
+    pick = lambda s: [grid(s)[seed % len(grid(s))]]  # noqa: E731
+    check_tree(tree, rng, 200, pick)
