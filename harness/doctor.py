@@ -6,9 +6,9 @@ from rich.console import Console
 
 import tracers
 from harness.machine import versions
+from harness.models import scene, tree
 from harness.scenes import load_scenes
 from harness.schemes import catalogue
-from harness.trials import load_model, scene
 
 # What a missing one costs. Everything else is needed to run at all.
 CONSEQUENCES = {
@@ -36,7 +36,7 @@ def examine(console: Console) -> bool:
 
     if not found["openscad"]:
         return False
-    trees = {name: load_model(name, "as_written") for name in load_scenes()}
+    trees = {name: tree(name) for name in load_scenes()}
     smallest = min(trees, key=lambda name: trees[name].halfspaces)
     tracer = tracers.make("hybrid_sdsm", trees[smallest])
     picture = tracer.render(scene(smallest).view(64, 64))

@@ -9,10 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Canvas
 
@@ -29,7 +27,7 @@ MARKS = {"none": "o", "root": "s", "all": "^"}
 TIMES = {"trace_s": "trace", "total_s": "build + trace"}
 COUNTER_COLOURS = ["#56B4E9", "#E69F00", "#009E73", "#CC79A7"]
 LABELS = {"none": "no bound (SDSM)", "root": "bound of the root", "all": "bound of every node"}
-plt.rcParams |= {
+matplotlib.rcParams |= {
     "svg.hashsalt": "csgbench",
     "svg.fonttype": "none",
     "font.size": 9,
@@ -61,12 +59,12 @@ def save(canvas: Canvas, stem: Path) -> None:
     stem.parent.mkdir(parents=True, exist_ok=True)
     canvas.savefig(f"{stem}.svg", metadata={"Date": None, "Creator": None})
     canvas.savefig(f"{stem}.png", dpi=144, metadata={"Software": None})
-    plt.close(canvas)
 
 
 def times(fig: Figure) -> Canvas:
     """Trace and total time over d:h: ours in ms, and ours and the paper's relative to no bound."""
-    canvas, axes = plt.subplots(2, 2, figsize=(9, 6.4), sharex=True)
+    canvas = Canvas(figsize=(9, 6.4))
+    axes = canvas.subplots(2, 2, sharex=True)
     names = [row.name for row in fig.bound("none")]
     x = np.arange(len(names))
     for (above, below), (key, what) in zip(axes.T, TIMES.items(), strict=True):
@@ -109,7 +107,7 @@ def _mean(values: Iterable[float]) -> float:
 
 
 def _points(
-    axis: plt.Axes, x: np.ndarray, estimates: list[Estimate], unit: float, style: dict
+    axis: Axes, x: np.ndarray, estimates: list[Estimate], unit: float, style: dict
 ) -> None:
     """Medians joined by a line, with their intervals. `unit`: shown for 1 of the estimate."""
     medians, reach = [unit * e.median for e in estimates], _reach(estimates, unit)
@@ -128,7 +126,8 @@ def heat_maps(model: str, grid: Results) -> Canvas:
     kinds = {bound: list(results.values()) for bound, results in kinds.items() if results}
     everything = [r for results in kinds.values() for r in results]
     d_values, h_values = (sorted({r.params[key] for r in everything}) for key in "dh")
-    canvas, axes = plt.subplots(2, len(kinds), figsize=(1 + 3.6 * len(kinds), 7), squeeze=False)
+    canvas = Canvas(figsize=(1 + 3.6 * len(kinds), 7))
+    axes = canvas.subplots(2, len(kinds), squeeze=False)
     for line, (key, what) in zip(axes, TIMES.items(), strict=True):
         values = [1e3 * getattr(r, key).median for r in everything]
         norm = LogNorm(min(values), max(values))
@@ -158,9 +157,8 @@ def schemes(model: str, results: Results) -> Canvas:
     """Trace time of each scheme at its fastest parameters, and beside it the work a ray."""
     ordered = fastest(model, results)[::-1]
     y = np.arange(len(ordered))
-    canvas, (left, right) = plt.subplots(
-        1, 2, figsize=(10, 1.3 + 0.55 * len(ordered)), sharey=True, width_ratios=[3, 2]
-    )
+    canvas = Canvas(figsize=(10, 1.3 + 0.55 * len(ordered)))
+    left, right = canvas.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     traced = [r.trace_s for r in ordered]
     medians = [1e3 * e.median for e in traced]
     colours = ["#BBBBBB" if r.scheme in results.inexact else "#0072B2" for r in ordered]
@@ -206,7 +204,8 @@ def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
     pictures = [(r, cost_of(r.configuration)) for r in chosen]
     columns = 3
     lines = -(-len(pictures) // columns)
-    canvas, axes = plt.subplots(lines, columns, figsize=(9.6, 3.3 * lines), squeeze=False)
+    canvas = Canvas(figsize=(9.6, 3.3 * lines))
+    axes = canvas.subplots(lines, columns, squeeze=False)
     norm = LogNorm(1, max(picture.max() for _, picture in pictures))
     for axis in axes.flat:
         axis.axis("off")

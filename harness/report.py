@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from harness import RESULTS, ROOT, UserError, plots, study
+from harness import RESULTS, ROOT, UserError, models, plots, study
 from harness.claims import claims
 from harness.figures import FIGURES, figure
 from harness.results import Results
@@ -17,7 +17,7 @@ from harness.schemes import catalogue
 from harness.store import Store
 from harness.table import Table, latex_text
 from harness.tables import break_even, characteristics, optimum, reductions, timing
-from harness.trials import cost_picture, describe
+from harness.trials import cost_picture
 
 GENERATED = ROOT / "paper" / "generated"
 
@@ -36,18 +36,18 @@ def load(name: str, store: Path) -> tuple[Results, Results]:
     return tuple(load_results(opened, load_study(study), inexact) for study in studies)
 
 
-def all_tables(paper: Results, grid: Results, models: dict[str, dict]) -> list[Table]:
-    """`models`: of each its `halfspaces`, `nodes` and `kinds`, counted in the tree."""
+def all_tables(paper: Results, grid: Results, counted: dict[str, dict]) -> list[Table]:
+    """`counted`: of each model its `halfspaces`, `nodes` and `kinds`."""
     figures = {name: figure(name, paper) for name in FIGURES}
     figures = {name: fig for name, fig in figures.items() if any(row.ours for row in fig.rows)}
     return [
-        characteristics(paper, models),
+        characteristics(paper, counted),
         *(timing(name, fig) for name, fig in figures.items()),
         *([claims(paper)] if figures else []),
         reductions(figures.values()),
         optimum(figures.values(), grid),
         break_even(figures.values()),
-        *(schemes(model, paper) for model in models),
+        *(schemes(model, paper) for model in counted),
         work(paper),
         machine(paper),
     ]
@@ -56,7 +56,7 @@ def all_tables(paper: Results, grid: Results, models: dict[str, dict]) -> list[T
 def write_tables(paper: Results, grid: Results, folder: Path) -> Path:
     """`folder`/tables.md has all tables, `folder`/tables/ each as Markdown, CSV and LaTeX with the
     values that paper.tex cites, and `folder`/trials.csv the raw rows they come from."""
-    tables = all_tables(paper, grid, describe(paper.study.models))
+    tables = all_tables(paper, grid, models.characteristics(paper.study.models))
     tables = [table for table in tables if table.rows]
     each = folder / "tables"
     each.mkdir(parents=True, exist_ok=True)
@@ -121,8 +121,8 @@ def _write_rows(path: Path, results: Results) -> None:
 
 def publish(folder: Path, target: Path) -> None:
     """Copy what a reader of the repository sees: all but the LaTeX."""
-    files = [folder / "tables.md", folder / "trials.csv", *folder.glob("plots/*")]
-    _copy(files + [*folder.glob("tables/*.md"), *folder.glob("tables/*.csv")], folder, target)
+    patterns = ("tables.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*")
+    _copy((file for pattern in patterns for file in folder.glob(pattern)), folder, target)
 
 
 def _copy(files: Iterable[Path], source: Path, target: Path) -> None:

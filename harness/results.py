@@ -134,8 +134,7 @@ def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
         result = _judge(configuration, list(repeats.values()), agreed, checks, inexact)
         used |= {row["session"]: row for row in result.rows}
         results.append(result)
-    checked = {check["model_hash"] for check in checks.values()}
-    unchecked = {r.model for r in results if r.ok and model_hashes[r.model] not in checked}
+    unchecked = {r.model for r in results if r.ok and _picture(r.rows[0]) not in checks}
     sessions = sorted(used.values(), key=lambda row: row["session_started_utc"])
     return Results(study, results, inexact, sorted(unchecked), sessions)
 

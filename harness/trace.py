@@ -8,15 +8,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-import tracers
-from harness import UserError
+from harness import UserError, models
 from harness.images import write_picture
-from harness.mesh import tessellate
-from harness.openscad import to_csg
-from harness.scenes import Scene, frame, load_scenes
+from harness.scenes import load_scenes
 from harness.schemes import catalogue, parse_settings
 from harness.table import NOTHING, integer, megabytes, milliseconds, number
-from harness.trials import CACHE, MESH_SEGMENTS, load_model
 
 MAX_PIXELS = 1 << 26
 
@@ -36,13 +32,14 @@ def trace(
     if output and output.suffix.lower() not in (".png", ".exr"):
         raise UserError(f"{output}: a picture is written as .png or .exr")
 
-    tree, scene = _load(model)
+    if model in load_scenes():
+        tree, scene = models.tree(model), models.scene(model)
+    else:
+        tree, scene = models.from_file(Path(model))
     for warning in tree.warnings:
         console.print(f"warning: {warning}", style="yellow", markup=False)
-    mesh = tessellate(tree, MESH_SEGMENTS) if known[scheme].needs_mesh else None
-    arrays = mesh and (mesh.vertices, mesh.triangles, mesh.leaf_of_triangle)
     try:
-        tracer = tracers.make(scheme, tree, params, arrays)
+        tracer, mesh = models.build(scheme, tree, params)
     except ValueError as error:
         raise UserError(str(error)) from None
     view = scene.view(width, height)
@@ -66,7 +63,8 @@ def trace(
         per_ray = f"{number(count / picture.rays)} a ray" if count else NOTHING
         table.add_row(name.replace("_", " "), f"{integer(count)}, {per_ray}")
     for name, value in tracer.facts.items():
-        table.add_row(name.replace("_", " "), number(value))
+        shown = integer(value) if value.is_integer() else number(value)
+        table.add_row(name.replace("_", " "), shown)
     table.add_row("picture", f"{picture.hash}{f', written to {output}' if output else ''}")
     console.print(table)
 
@@ -78,17 +76,3 @@ def parse_size(text: str) -> tuple[int, int]:
     if not 1 <= size[0] * size[1] <= MAX_PIXELS:
         raise UserError(f"size '{text}' is not of the form 512x512, or is too large")
     return size
-
-
-def _load(model: str) -> tuple[tracers.CsgTree, Scene]:
-    """A scene by its name, or a file, which gets a camera that sees all of it."""
-    path = Path(model)
-    if model in load_scenes():
-        return load_model(model, "as_written"), load_scenes()[model]
-    if path.suffix not in (".scad", ".csg"):
-        names = ", ".join(load_scenes())
-        raise UserError(f"no scene '{model}'; known: {names}, or the path of a .scad or .csg file")
-    if not path.is_file():
-        raise UserError(f"{path}: no such file")
-    tree = tracers.load_csg(str(to_csg(path, CACHE) if path.suffix == ".scad" else path))
-    return tree, frame(tree)

@@ -33,7 +33,7 @@ class Worker:
     def __init__(self, run: str = "harness.trials:run") -> None:
         self._run = run
         self._child: subprocess.Popen[str] | None = None
-        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115: open as long as the worker
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115
 
     def run(self, trial: Trial, timeout_s: float) -> Outcome:
         """The outcome of a trial, whatever happens to the child."""

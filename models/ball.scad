@@ -14,7 +14,7 @@ port_r = 2.3;          // drilled holes, where the frame's joints look out
 rim_r = 2.9;           // counterbore around each port
 rim_depth = 0.8;       // of the counterbore, below the top of the ball
 frame_r = 7.4;         // centre of the ball to a joint of the frame
-axle_r = 0.6;           // the three differ by a little where they cross
+axle_r = 0.6;          // the three differ by a little where they cross
 axle_end = 11.6;       // centre of the ball to the centre of an axle's knob
 pitch = 2 * axle_end + 0.9;  // between balls: the knobs of two neighbours overlap without coinciding
 

@@ -73,9 +73,9 @@ def test_retry_adds_an_attempt_and_keeps_the_first(store):
 
 
 def test_two_sweeps_never_measure_at_once(store):
-    with store.alone(), pytest.raises(UserError, match="another sweep"):
-        with Store(store.path).alone():
-            pass
+    refused = pytest.raises(UserError, match="another sweep")
+    with store.alone(), refused, Store(store.path).alone():
+        pass
 
 
 def test_killed_at_any_moment_it_resumes_and_loses_or_doubles_nothing(tmp_path):
@@ -143,7 +143,7 @@ def test_the_worker_is_one_process_until_a_trial_breaks_it():
         pids = []
         for scheme in ("fine", "raise", "fine", "crash", "fine"):
             outcome = worker.run(fake_sweep.first(configuration(scheme)), 30)
-            assert outcome.started_utc and outcome.duration_s > 0
+            assert outcome.duration_s > 0
             pids.append(worker._child and worker._child.pid)
     finally:
         worker.stop()

@@ -11,8 +11,7 @@ Arguments::Arguments(const Source& source, const SyntaxTree& tree, const SyntaxN
   for (std::uint32_t i = node.first_argument; i < node.end_argument; ++i) {
     const Argument& argument = tree.arguments[i];
     const bool is_known = std::find(known.begin(), known.end(), argument.name) != known.end() ||
-                          argument.name == "$fn" || argument.name == "$fa" ||
-                          argument.name == "$fs";
+                          argument.name == "$fn" || argument.name == "$fa" || argument.name == "$fs";
     const std::size_t offset = tree.values[argument.value].offset;
     if (!is_known) fail(offset, argument.name, "is not known here");
     if (find(argument.name) != &tree.values[argument.value]) {
@@ -37,9 +36,7 @@ bool Arguments::flag_or(std::string_view name, bool absent) const {
   return value->number != 0;
 }
 
-void Arguments::vector(std::string_view name, std::span<double> numbers) const {
-  list(require(name), name, numbers);
-}
+void Arguments::vector(std::string_view name, std::span<double> numbers) const { list(require(name), name, numbers); }
 
 Affine Arguments::matrix() const {
   const Value& rows = require("");
@@ -98,8 +95,8 @@ void Arguments::list(const Value& value, std::string_view name, std::span<double
 }
 
 void Arguments::fail(std::size_t offset, std::string_view name, const std::string& fault) const {
-  source_.fail(offset, std::string(name_of(node_.kind)) + ": " +
-                           (name.empty() ? "the argument" : std::string(name)) + " " + fault);
+  source_.fail(offset, std::string(name_of(node_.kind)) + ": " + (name.empty() ? "the argument" : std::string(name)) +
+                           " " + fault);
 }
 
 }  // namespace csg

@@ -16,11 +16,11 @@ class Arguments {
   Arguments(const Source& source, const SyntaxTree& tree, const SyntaxNode& node,
             std::initializer_list<std::string_view> known);
 
-  double number(std::string_view name) const;  ///< finite
+  double number(std::string_view name) const;                    ///< finite
   double number_or(std::string_view name, double absent) const;  ///< may be inf or NaN
   bool flag_or(std::string_view name, bool absent) const;
   void vector(std::string_view name, std::span<double> numbers) const;  ///< exactly that many
-  Affine matrix() const;  ///< the positional 4x4
+  Affine matrix() const;                                                ///< the positional 4x4
 
  private:
   const Value* find(std::string_view name) const;  ///< nullptr if absent

@@ -10,22 +10,30 @@ namespace {
 
 const char* name_of(Kind kind) {
   switch (kind) {
-    case Kind::Sphere: return "sphere";
-    case Kind::Block: return "block";
-    case Kind::Cylinder: return "cylinder";
-    case Kind::Cone: return "cone";
-    case Kind::Torus: return "torus";
+    case Kind::Sphere:
+      return "sphere";
+    case Kind::Block:
+      return "block";
+    case Kind::Cylinder:
+      return "cylinder";
+    case Kind::Cone:
+      return "cone";
+    case Kind::Torus:
+      return "torus";
   }
   return "halfspace of unknown kind";
 }
 
 int sizes_of(Kind kind) {
   switch (kind) {
-    case Kind::Sphere: return 1;
+    case Kind::Sphere:
+      return 1;
     case Kind::Cylinder:
-    case Kind::Torus: return 2;
+    case Kind::Torus:
+      return 2;
     case Kind::Block:
-    case Kind::Cone: break;
+    case Kind::Cone:
+      break;
   }
   return 3;
 }
@@ -66,8 +74,7 @@ Box world_bounds(const Leaf& leaf) {
         above = below = size[0] * std::hypot(row.x, row.y, row.z);
         break;
       case Kind::Block:
-        above = below = std::abs(row.x) * size[0] + std::abs(row.y) * size[1] +
-                        std::abs(row.z) * size[2];
+        above = below = std::abs(row.x) * size[0] + std::abs(row.y) * size[1] + std::abs(row.z) * size[2];
         break;
       case Kind::Cylinder:
         above = below = size[0] * around + size[1] * std::abs(row.z);
@@ -136,8 +143,8 @@ Box checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nod
       continue;
     }
     if (node.op > Op::Difference) refuse_node(i, "no such operator");
-    const bool in_post_order = waiting.size() >= 2 && node.right == waiting.back().root &&
-                               node.left == waiting[waiting.size() - 2].root;
+    const bool in_post_order =
+        waiting.size() >= 2 && node.right == waiting.back().root && node.left == waiting[waiting.size() - 2].root;
     if (!in_post_order) refuse_node(i, "its children do not stand in post-order");
     const Box right = waiting.back().bounds;
     waiting.pop_back();
@@ -153,8 +160,7 @@ Box checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nod
 
 }  // namespace
 
-CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes,
-                 std::vector<std::string> warnings)
+CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings)
     : leaves_(std::move(leaves)), nodes_(std::move(nodes)), warnings_(std::move(warnings)) {
   if (leaves_.empty() || nodes_.empty()) throw ModelError("the model is empty");
   if (leaves_.size() > std::size_t{1} << 30) throw ModelError("more than 2^30 halfspaces");
@@ -165,15 +171,13 @@ CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes,
   }
   bounds_ = checked_bounds(leaves_, nodes_);
   const Vec3 diagonal = all.hi - all.lo, center = all.center();
-  size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) +
-          std::hypot(center.x, center.y, center.z);
+  size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) + std::hypot(center.x, center.y, center.z);
   if (!std::isfinite(size_)) throw ModelError("the size of the model is not finite");
   pad_ = std::ldexp(size_, -30);
 }
 
 std::size_t CsgTree::bytes() const {
-  std::size_t total = sizeof(*this) + leaves_.capacity() * sizeof(Leaf) +
-                      nodes_.capacity() * sizeof(Node) +
+  std::size_t total = sizeof(*this) + leaves_.capacity() * sizeof(Leaf) + nodes_.capacity() * sizeof(Node) +
                       warnings_.capacity() * sizeof(std::string);
   for (const std::string& warning : warnings_) total += warning.capacity();
   return total;

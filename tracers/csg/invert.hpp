@@ -33,8 +33,7 @@ inline Inverse invert(const Mat3& m) {
   const Mat3 near_one = scaled_by_power_of_two(m, -exponent);
   if (!(std::abs(determinant(near_one)) > 0)) return {};
   const Mat3 result = inverse(near_one);
-  return {scaled_by_power_of_two(result, -exponent),
-          frobenius(near_one) * frobenius(result) / 3};
+  return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3};
 }
 
 }  // namespace csg

@@ -34,8 +34,10 @@ bool passes_through(NodeKind kind) {
     case NodeKind::Intersection:
     case NodeKind::Multmatrix:
     case NodeKind::Color:
-    case NodeKind::Render: return true;
-    default: return false;
+    case NodeKind::Render:
+      return true;
+    default:
+      return false;
   }
 }
 
@@ -53,8 +55,7 @@ LeafReading LeafReader::read(std::uint32_t index) {
   const SyntaxNode& node = tree_.nodes[index];
   if (node.kind == NodeKind::RotateExtrude) return torus(index);
   if (node.end != index + 1) {
-    source_.fail(tree_.nodes[index + 1].offset,
-                 "a " + std::string(name_of(node.kind)) + " has no children");
+    source_.fail(tree_.nodes[index + 1].offset, "a " + std::string(name_of(node.kind)) + " has no children");
   }
   if (node.kind == NodeKind::Sphere) return sphere(node);
   if (node.kind == NodeKind::Cube) return cube(node);
@@ -81,8 +82,7 @@ LeafReading LeafReader::cube(const SyntaxNode& node) {
 
 LeafReading LeafReader::cylinder(const SyntaxNode& node) {
   const Arguments arguments(source_, tree_, node, {"h", "r1", "r2", "center"});
-  const double h = arguments.number("h"), r1 = arguments.number("r1"),
-               r2 = arguments.number("r2");
+  const double h = arguments.number("h"), r1 = arguments.number("r1"), r2 = arguments.number("r2");
   const bool center = arguments.flag_or("center", false);
   if (!(h > 0 && r1 >= 0 && r2 >= 0 && r1 + r2 > 0)) return empty(node);
   const Vec3 middle = center ? Vec3{} : Vec3{0, 0, h / 2};
@@ -119,8 +119,8 @@ LeafReading LeafReader::torus(std::uint32_t index) {
     if (tree_.nodes[at].kind == NodeKind::Multmatrix) {
       const Affine step = Arguments(source_, tree_, tree_.nodes[at], {""}).matrix();
       const auto in_plane = [](Vec3 v) { return Vec3{v.x, v.y, 0}; };
-      place = place * Affine{{in_plane(step.linear.col[0]), in_plane(step.linear.col[1]), {0, 0, 1}},
-                             in_plane(step.offset)};
+      place = place *
+              Affine{{in_plane(step.linear.col[0]), in_plane(step.linear.col[1]), {0, 0, 1}}, in_plane(step.offset)};
     }
   } while (passes_through(tree_.nodes[at].kind));
   const SyntaxNode& node = tree_.nodes[at];
@@ -143,20 +143,19 @@ LeafReading LeafReader::torus(std::uint32_t index) {
 }
 
 LeafReading LeafReader::empty(const SyntaxNode& node) {
-  warnings_.add(std::string(name_of(node.kind)) + " of zero or negative size is empty",
-                node.offset);
+  warnings_.add(std::string(name_of(node.kind)) + " of zero or negative size is empty", node.offset);
   return {};
 }
 
 /// Twelve sides or fewer are likely to be meant as sides.
-void LeafReader::warn_of_facets(const SyntaxNode& node, const Arguments& arguments,
-                                const char* shape, const char* facetted) {
+void LeafReader::warn_of_facets(const SyntaxNode& node, const Arguments& arguments, const char* shape,
+                                const char* facetted) {
   const double fn = arguments.number_or("$fn", 0);
   const double sides = sides_under(fn);
   if (fn <= 0 || sides > 12) return;
   const std::string count = std::to_string(static_cast<int>(sides));
-  warnings_.add(std::string(name_of(node.kind)) + " with $fn=" + count + " is read as a round " +
-                    shape + ", not as a " + facetted + " of " + count + " sides",
+  warnings_.add(std::string(name_of(node.kind)) + " with $fn=" + count + " is read as a round " + shape +
+                    ", not as a " + facetted + " of " + count + " sides",
                 node.offset);
 }
 

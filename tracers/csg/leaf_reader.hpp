@@ -35,8 +35,7 @@ class LeafReader {
   LeafReading torus(std::uint32_t index);
 
   LeafReading empty(const SyntaxNode& node);
-  void warn_of_facets(const SyntaxNode& node, const Arguments& arguments, const char* shape,
-                      const char* facetted);
+  void warn_of_facets(const SyntaxNode& node, const Arguments& arguments, const char* shape, const char* facetted);
 
   const Source& source_;
   const SyntaxTree& tree_;

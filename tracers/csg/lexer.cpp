@@ -10,14 +10,25 @@ namespace {
 
 constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
 constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
-constexpr bool starts_word(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$';
-}
+constexpr bool starts_word(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$'; }
 constexpr bool is_symbol(char c) {
   switch (c) {
-    case '(': case ')': case '[': case ']': case '{': case '}': case ',': case ';': case '=':
-    case '!': case '#': case '%': case '*': return true;
-    default: return false;
+    case '(':
+    case ')':
+    case '[':
+    case ']':
+    case '{':
+    case '}':
+    case ',':
+    case ';':
+    case '=':
+    case '!':
+    case '#':
+    case '%':
+    case '*':
+      return true;
+    default:
+      return false;
   }
 }
 
@@ -80,8 +91,7 @@ Token Lexer::next() {
 
 Token Lexer::word() {
   const std::size_t begin = offset_;
-  while (offset_ < source_.text.size() &&
-         (starts_word(source_.text[offset_]) || is_digit(source_.text[offset_]))) {
+  while (offset_ < source_.text.size() && (starts_word(source_.text[offset_]) || is_digit(source_.text[offset_]))) {
     ++offset_;
   }
   return {TokenKind::Word, source_.text.substr(begin, offset_ - begin), begin};

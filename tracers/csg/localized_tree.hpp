@@ -88,10 +88,16 @@ inline int leaf_count(TreeView tree) { return (static_cast<int>(tree.size()) + 1
 /// change. `Work` counts the operators that it evaluates.
 class TreeState {
  public:
+  /// All leaves outside. Where the tree is the one before, only what was touched is put back.
   void reset(TreeView tree) {
-    tree_ = tree;
-    holding_.resize(tree.size());
-    for (std::size_t i = 0; i < tree.size(); ++i) holding_[i] = static_cast<std::uint8_t>(tree[i].base());
+    if (tree.data() == tree_.data() && tree.size() == tree_.size()) {
+      for (const std::uint32_t node : touched_) holding_[node] = static_cast<std::uint8_t>(tree[node].base());
+    } else {
+      tree_ = tree;
+      holding_.resize(tree.size());
+      for (std::size_t i = 0; i < tree.size(); ++i) holding_[i] = static_cast<std::uint8_t>(tree[i].base());
+    }
+    touched_.clear();
     inside_ = (!tree[0].is_leaf() && holding_[0] >= tree[0].threshold()) != tree[0].complemented();
   }
 
@@ -101,11 +107,13 @@ class TreeState {
   template <class Work>
   void toggle(std::uint32_t node, Work& work) {
     bool holds = holding_[node] ^= 1;
+    touched_.push_back(node);
     while (node != 0) {
       const TreeNode& child = tree_[node];
       node = child.parent();
       const int threshold = tree_[node].threshold();
       const bool before = holding_[node] >= threshold;
+      touched_.push_back(node);
       holding_[node] = static_cast<std::uint8_t>(holding_[node] + (holds != child.complemented() ? 1 : -1));
       holds = holding_[node] >= threshold;
       work.boolean();
@@ -116,6 +124,7 @@ class TreeState {
 
  private:
   TreeView tree_;
+  std::vector<std::uint32_t> touched_;
   std::vector<std::uint8_t> holding_;  // of a leaf: 1 inside; of an operator: children that hold
   bool inside_ = false;
 };

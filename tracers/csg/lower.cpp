@@ -74,8 +74,8 @@ class Lowering {
 };
 
 CsgTree Lowering::run(Shape shape) {
-  leaves_.reserve(static_cast<std::size_t>(std::ranges::count_if(
-      tree_.nodes, [](const SyntaxNode& node) { return LeafReader::reads(node.kind); })));
+  leaves_.reserve(static_cast<std::size_t>(
+      std::ranges::count_if(tree_.nodes, [](const SyntaxNode& node) { return LeafReader::reads(node.kind); })));
   const Range root = find_root();
   open(Op::Union, root.end);
   for (std::uint32_t i = root.begin; i < root.end;) {
@@ -141,8 +141,7 @@ void Lowering::add_child(bool empty) {
   Frame& parent = frames_.back();
   if (!empty) {
     ++parent.operands;
-  } else if (parent.op == Op::Intersection ||
-             (parent.op == Op::Difference && parent.operands == 0)) {
+  } else if (parent.op == Op::Intersection || (parent.op == Op::Difference && parent.operands == 0)) {
     parent.is_void = true;
   }
 }
@@ -163,21 +162,31 @@ std::uint32_t Lowering::visit(std::uint32_t index) {
   if (node.kind == NodeKind::Intersection) op = Op::Intersection;
   open(op, node.end);
   switch (node.kind) {
-    case NodeKind::Multmatrix: push_transform(node); break;
-    case NodeKind::Color: push_color(node); break;
-    case NodeKind::Render: Arguments(source_, tree_, node, {"convexity"}); break;
+    case NodeKind::Multmatrix:
+      push_transform(node);
+      break;
+    case NodeKind::Color:
+      push_color(node);
+      break;
+    case NodeKind::Render:
+      Arguments(source_, tree_, node, {"convexity"});
+      break;
     case NodeKind::Group:
     case NodeKind::Union:
     case NodeKind::Difference:
-    case NodeKind::Intersection: Arguments(source_, tree_, node, {}); break;
-    case NodeKind::RotateExtrude: break;  // counted above
+    case NodeKind::Intersection:
+      Arguments(source_, tree_, node, {});
+      break;
+    case NodeKind::RotateExtrude:
+      break;  // counted above
     case NodeKind::Circle:
     case NodeKind::Square:
     case NodeKind::Polygon:
     case NodeKind::Text:
       unsupported_.add("2D " + std::string(name_of(node.kind)), node.offset);
       break;
-    default: unsupported_.add(name_of(node.kind), node.offset);
+    default:
+      unsupported_.add(name_of(node.kind), node.offset);
   }
   return index + 1;  // also below an unsupported node, to name all that is
 }
@@ -187,8 +196,7 @@ void Lowering::add_leaf(const LeafReading& reading) {
   if (!empty) {
     const Placement& placement = placements_.back();
     Leaf leaf = reading.leaf;
-    leaf.world_from_local = {placement.world_from_local.linear,
-                             placement.world_from_local * reading.center};
+    leaf.world_from_local = {placement.world_from_local.linear, placement.world_from_local * reading.center};
     leaf.has_color = placement.has_color;
     std::ranges::copy(placement.color, leaf.color);
     const auto index = static_cast<std::uint32_t>(leaves_.size());
@@ -205,9 +213,8 @@ void Lowering::push_transform(const SyntaxNode& node) {
   const Vec3 offset = placement.world_from_local.offset;
   const bool finite = std::isfinite(offset.x) && std::isfinite(offset.y) && std::isfinite(offset.z);
   if (!finite || !invert(placement.world_from_local.linear).usable()) {
-    source_.fail(node.offset, invert(local.linear).usable()
-                                  ? "multmatrix: singular or not finite with those around it"
-                                  : "multmatrix: a singular matrix");
+    source_.fail(node.offset, invert(local.linear).usable() ? "multmatrix: singular or not finite with those around it"
+                                                            : "multmatrix: a singular matrix");
   }
   placements_.push_back(placement);
   frames_.back().has_placement = true;
@@ -230,8 +237,7 @@ void Lowering::refuse_unsupported() const {
   std::string line = source_.at(entries[0].first_offset) + ": unsupported: ";
   for (const Tally::Entry& entry : entries) {
     if (&entry != entries.data()) line += ", ";
-    line += entry.remark + " (" +
-            (entry.count > 1 ? std::to_string(entry.count) + ", the first at " : "at ") +
+    line += entry.remark + " (" + (entry.count > 1 ? std::to_string(entry.count) + ", the first at " : "at ") +
             source_.at(entry.first_offset) + ")";
   }
   throw ModelError(line);
@@ -247,11 +253,8 @@ std::vector<std::string> Lowering::warning_lines() const {
 }
 
 std::string contents_of(const std::string& path) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                             &std::fclose);
-  const auto fail = [&path] {
-    throw ModelError(path + ": cannot be read: " + std::generic_category().message(errno));
-  };
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
+  const auto fail = [&path] { throw ModelError(path + ": cannot be read: " + std::generic_category().message(errno)); };
   if (!file) fail();
   std::string text;
   for (std::size_t got = 1; got > 0;) {
@@ -273,8 +276,6 @@ CsgTree parse_csg(std::string_view text, const std::string& name, Shape shape) {
   return Lowering(source, tree).run(shape);
 }
 
-CsgTree load_csg(const std::string& path, Shape shape) {
-  return parse_csg(contents_of(path), path, shape);
-}
+CsgTree load_csg(const std::string& path, Shape shape) { return parse_csg(contents_of(path), path, shape); }
 
 }  // namespace csg

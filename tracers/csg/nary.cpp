@@ -83,8 +83,6 @@ void Binarizer::split(const Task& task) {
 
 }  // namespace
 
-std::vector<Node> to_binary(const std::vector<NaryItem>& items, Shape shape) {
-  return Binarizer(items, shape).run();
-}
+std::vector<Node> to_binary(const std::vector<NaryItem>& items, Shape shape) { return Binarizer(items, shape).run(); }
 
 }  // namespace csg

@@ -13,7 +13,8 @@ struct NamedKind {
   NodeKind kind;
 };
 
-constexpr std::array kKinds = {  // the most frequent first
+constexpr std::array kKinds = {
+    // the most frequent first
     NamedKind{"multmatrix", NodeKind::Multmatrix},
     NamedKind{"group", NodeKind::Group},
     NamedKind{"cylinder", NodeKind::Cylinder},
@@ -142,11 +143,20 @@ Modifiers Parser::modifiers() {
   Modifiers result;
   for (; token_.kind == TokenKind::Symbol; advance()) {
     switch (token_.text[0]) {
-      case '!': result.root = true; break;
-      case '#': result.highlight = true; break;
-      case '%': result.background = true; break;
-      case '*': result.disabled = true; break;
-      default: return result;
+      case '!':
+        result.root = true;
+        break;
+      case '#':
+        result.highlight = true;
+        break;
+      case '%':
+        result.background = true;
+        break;
+      case '*':
+        result.disabled = true;
+        break;
+      default:
+        return result;
     }
   }
   return result;
@@ -198,9 +208,7 @@ void Parser::scalar(const Token& token) {
   Value value;
   value.offset = index_of(token.offset);
   value.end = index_of(tree_.values.size() + 1);
-  const auto is_word = [&](std::string_view word) {
-    return token.kind == TokenKind::Word && token.text == word;
-  };
+  const auto is_word = [&](std::string_view word) { return token.kind == TokenKind::Word && token.text == word; };
   if (token.kind == TokenKind::Number) {
     value.kind = Value::Kind::Number;
     value.number = token.number;

@@ -16,10 +16,30 @@
 namespace csg {
 
 enum class NodeKind : std::uint8_t {
-  Group, Union, Difference, Intersection, Multmatrix, Color, Render,
-  Cube, Sphere, Cylinder, RotateExtrude, Circle,
-  Hull, Minkowski, Resize, Polyhedron, LinearExtrude, Projection, Offset, Import, Surface,
-  Square, Polygon, Text
+  Group,
+  Union,
+  Difference,
+  Intersection,
+  Multmatrix,
+  Color,
+  Render,
+  Cube,
+  Sphere,
+  Cylinder,
+  RotateExtrude,
+  Circle,
+  Hull,
+  Minkowski,
+  Resize,
+  Polyhedron,
+  LinearExtrude,
+  Projection,
+  Offset,
+  Import,
+  Surface,
+  Square,
+  Polygon,
+  Text
 };
 std::string_view name_of(NodeKind kind);
 

@@ -77,3 +77,59 @@ def test_any_seed(family: str, seed: int) -> None:
     tree = FAMILIES[family](rng)
     pick = lambda s: [grid(s)[seed % len(grid(s))]]  # noqa: E731
     check_tree(tree, rng, 200, pick)
+
+
+class Planted:
+    """A wrong scheme: the right tracer of a slightly wrong model, or of right hits slightly changed."""
+
+    def __init__(self, tracer, change=lambda hits: None) -> None:
+        self.tracer, self.change = tracer, change
+
+    def trace(self, rays: np.ndarray):
+        hits = self.tracer.trace(rays)
+        planted = type("Hits", (), {"t": hits.t.copy(), "leaf": hits.leaf.copy()})()
+        self.change(planted)
+        return planted
+
+    def occluded(self, rays: np.ndarray) -> np.ndarray:
+        return (self.trace(rays).leaf >= 0).astype(np.uint8)
+
+
+def grown(tree, by: float) -> "tracers.CsgTree":
+    return tracers.CsgTree.build(tree.kinds, tree.sizes * (1 + by), tree.matrices, tree.operators)
+
+
+def one_ulp(hits) -> None:
+    hits.t[-1] = np.nextafter(hits.t[-1], 0)
+
+
+def another_leaf(hits) -> None:
+    hits.leaf[np.flatnonzero(hits.leaf >= 0)[0]] += 1
+
+
+def lost(hits) -> None:
+    hits.leaf[np.flatnonzero(hits.leaf >= 0)[-1]] = -1
+
+
+@pytest.mark.parametrize("change", [one_ulp, another_leaf, lost])
+def test_planted_change_of_one_ray_is_caught(change) -> None:
+    rng = np.random.default_rng(5)
+    tree = FAMILIES["lattice"](rng)
+    rays = rays_for(tree, rng, 500)
+    naive = tracers.make("naive", tree)
+    rays = rays[naive.trace(rays).leaf >= 0]
+    expected = naive.trace(rays)
+    assert_same(tree, "right", {}, Planted(naive), rays, expected)
+    with pytest.raises(pytest.fail.Exception, match="rays differ; the first: ray"):
+        assert_same(tree, "wrong", {}, Planted(naive, change), rays, expected)
+
+
+def test_planted_scheme_with_a_wrong_model_is_caught() -> None:
+    """Sizes wrong by 2e-16: no picture would show it."""
+    rng = np.random.default_rng(6)
+    tree = FAMILIES["random_solid"](rng)
+    rays = rays_for(tree, rng, 500)
+    expected = tracers.make("naive", tree).trace(rays)
+    wrong = Planted(tracers.make("sdsm", grown(tree, 2.3e-16)))
+    with pytest.raises(pytest.fail.Exception, match="rays differ"):
+        assert_same(tree, "wrong", {}, wrong, rays, expected)

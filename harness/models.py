@@ -1,0 +1,71 @@
+"""The models of models/scenes.toml as tracers see them. Trees and meshes are kept in memory."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+import tracers
+from harness import RESULTS, UserError
+from harness.mesh import Mesh, tessellate
+from harness.openscad import to_csg
+from harness.scenes import Scene, frame, load_scenes
+from harness.schemes import Params, catalogue
+
+CACHE = RESULTS / "cache"
+
+
+@cache
+def scene(model: str) -> Scene:
+    scenes = load_scenes()
+    if model not in scenes:
+        raise UserError(f"no scene '{model}' in models/scenes.toml; known: {', '.join(scenes)}")
+    return scenes[model]
+
+
+@cache
+def tree(model: str, shape: str = "as_written") -> tracers.CsgTree:
+    return tracers.load_csg(str(to_csg(scene(model).model, CACHE)), shape)
+
+
+@cache
+def content_hash(model: str) -> str:
+    """Changes with the solid, the camera and the lights; not with comments or file names."""
+    solid = to_csg(scene(model).model, CACHE).read_bytes()
+    return hashlib.sha256(solid + repr(scene(model)).encode()).hexdigest()[:16]
+
+
+def from_file(path: Path) -> tuple[tracers.CsgTree, Scene]:
+    """Any .scad or .csg, with a camera that sees all of it."""
+    if path.suffix not in (".scad", ".csg"):
+        names = ", ".join(load_scenes())
+        raise UserError(f"no scene '{path}'; known: {names}, or the path of a .scad or .csg file")
+    if not path.is_file():
+        raise UserError(f"{path}: no such file")
+    loaded = tracers.load_csg(str(to_csg(path, CACHE)))
+    return loaded, frame(loaded, path)
+
+
+def build(scheme: str, of: tracers.CsgTree, params: Params) -> tuple[tracers.Tracer, Mesh | None]:
+    """A scheme's structure, and the mesh if it traces one. ValueError if it refuses."""
+    if not catalogue()[scheme].needs_mesh:
+        return tracers.make(scheme, of, params), None
+    mesh = _mesh(of, params["segments"])
+    arrays = mesh.vertices, mesh.triangles, mesh.leaf_of_triangle
+    return tracers.make(scheme, of, params, arrays), mesh
+
+
+@cache
+def _mesh(of: tracers.CsgTree, segments: int) -> Mesh:
+    return tessellate(of, segments)
+
+
+def characteristics(models: Iterable[str]) -> dict[str, dict]:
+    """What Figure 7 says of a model, counted in its tree."""
+    trees = {model: tree(model) for model in models}
+    return {
+        model: {"halfspaces": t.halfspaces, "nodes": t.nodes, "kinds": t.kinds}
+        for model, t in trees.items()
+    }

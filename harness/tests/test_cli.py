@@ -1,0 +1,124 @@
+"""The commands as typed: what they print, what they write, and how they refuse."""
+
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from harness import images
+from harness.cli import app
+
+COMMANDS = ("sweep", "trace", "schemes", "doctor", "reference", "tables", "plots")
+TINY = """
+title = "Two schemes and the truth on a small picture"
+width = 48
+height = 40
+repeats = 2
+[[runs]]
+models = "ball"
+schemes = ["naive", "embree_cells"]
+[[runs]]
+models = "ball"
+schemes = "hybrid_sdsm"
+params = { d = 4, h = 10, bound = ["root", "all"] }
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [str(a) for a in arguments])
+
+
+def plain(text: str) -> str:
+    return " ".join(re.sub(r"\x1b\[[0-9;]*m", "", text).split())
+
+
+def test_help_teaches():
+    assert all(command in run("--help").output for command in COMMANDS)
+    for command in ("sweep", "trace"):
+        assert "csgbench " + command in run(command, "--help").output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["trace", "nope"], "no scene 'nope'; known: ball, ngk, ngkcut, or the path of"),
+        (["trace", "nope.scad"], "nope.scad: no such file"),
+        (["trace", "ball", "--scheme", "fast"], "unknown scheme 'fast'; known: naive, "),
+        (["trace", "ball", "--set", "d"], "'d' is not of the form name=value"),
+        (["trace", "ball", "--set", "d=x"], "parameter 'd' of scheme 'hybrid_sdsm' is a whole"),
+        (["trace", "ball", "--set", "k=5"], "no parameter 'k'; known: d, h, bound"),
+        (["trace", "ball", "--set", "bound=no"], "is one of root, all, not 'no'"),
+        (["trace", "ball", "--size", "huge"], "size 'huge' is not of the form 512x512"),
+        (["trace", "ball", "--size", "0x9"], "size '0x9'"),
+        (["trace", "ball", "--size", "999999x999999"], "too large"),
+        (["trace", "ball", "-o", "ball.gif"], "ball.gif: a picture is written as .png or .exr"),
+        (["sweep", "nope"], "no study 'nope'; known: grid, paper"),
+        (["reference", "nope"], "no scene 'nope'"),
+        (["tables", "--results", "/nonexistent"], "nothing measured yet; run `csgbench sweep`"),
+        (["plots", "--results", "/nonexistent"], "nothing measured yet"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(arguments, message):
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert message in plain(result.stderr)
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("cube(", "syntax"), ("hull() { cube(); sphere(); }", "hull"), ("", "")],
+)
+def test_a_model_that_cannot_be_read_is_one_line_too(tmp_path, text, message):
+    path = tmp_path / "bad.scad"
+    path.write_text(text)
+    result = run("trace", path)
+    assert result.exit_code == 2
+    assert message in plain(result.stderr)
+    assert result.stderr.count("\n") == 1
+
+
+def test_schemes_lists_every_scheme_with_its_parameters():
+    shown = plain(run("schemes").output)
+    for word in ("naive", "hybrid_sdsm", "bound", "root all", "embree_mesh", "(inexact)"):
+        assert word in shown
+
+
+def test_trace_takes_settings_in_both_forms_and_draws_the_same(tmp_path):
+    path = tmp_path / "ball.exr"
+    first = run("trace", "ball", "--size", "40x30", "--set", "d=4", "h=10", "-o", path)
+    second = run("trace", "ball", "--size", "40x30", "--set", "d=4", "--set", "h=10")
+    assert first.exit_code == second.exit_code == 0
+    for result in (first, second):
+        assert "hybrid_sdsm d=4 h=10 bound=all" in plain(result.stdout)
+        assert re.search(r"primitives tested [\d,]+, [\d.]+ a ray", plain(result.stdout))
+    channels = images.read_exr(path)
+    assert {"R", "G", "B", "depth", "normal.x", "leaf", "cost"} <= channels.keys()
+    assert channels["depth"].shape == (30, 40)
+    assert np.isfinite(channels["depth"]).any()
+
+
+def test_trace_shows_any_file_and_the_warnings_of_the_loader(tmp_path):
+    path = tmp_path / "prism.csg"
+    path.write_text("cylinder($fn = 6, h = 2, r1 = 1, r2 = 1, center = true);\n")
+    result = run("trace", path, "--size", "20x20", "-o", tmp_path / "prism.png")
+    assert result.exit_code == 0
+    assert "warning: " in plain(result.stdout)
+    assert (tmp_path / "prism.png").stat().st_size > 0
+
+
+def test_a_tiny_sweep_from_end_to_end(tmp_path):
+    study, results = tmp_path / "tiny.toml", tmp_path / "results"
+    study.write_text(TINY)
+    done = run("sweep", study, "--results", results)
+    assert done.exit_code == 0, done.output
+    assert "tiny: 8 ok" in done.stdout
+    assert "not tabled" not in done.stderr
+    tables = (results / "tables.md").read_text()
+    for scheme in ("naive", "embree_cells", "hybrid_sdsm"):
+        assert scheme in tables
+    assert "Not tabled, or not checked" not in tables
+    assert (results / "plots" / "schemes_ball.svg").exists()
+    assert "nothing was left to run" in run("sweep", study, "--results", results).stdout

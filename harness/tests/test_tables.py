@@ -1,0 +1,269 @@
+"""From rows in the store to tables: what is judged, what is left out, what is printed."""
+
+import csv
+import dataclasses
+import io
+import json
+
+import pytest
+from fake_sweep import first, session
+
+from harness import claims, figures, report, results, tables
+from harness.figures import printed
+from harness.schemes import catalogue
+from harness.statistics import Estimate
+from harness.store import Check, Outcome, Store
+from harness.study import FOLDER, load
+from harness.table import Column, Table, integer, number, percent
+
+PAPER = load(FOLDER / "paper.toml", catalogue())
+GRID = load(FOLDER / "grid.toml", catalogue())
+NOISE = (1.0, 1.01, 0.99, 1.02, 0.98)  # the machine's, the same for all in a round
+
+
+def times(configuration):
+    """Made-up build and trace times: a bound saves 10% of the trace, and costs half the build."""
+    params = json.loads(configuration.params)
+    base = {"naive": 50.0, "embree_mesh": 0.1}.get(configuration.scheme, 1.0)
+    trace_s = base * (1 + 0.1 * abs(params.get("d", 5) - 5) + 0.01 * abs(params.get("h", 10) - 10))
+    return (0.3, 0.9 * trace_s) if "bound" in params else (0.2, trace_s)
+
+
+def fill(path, study=PAPER, times=times, change=lambda trial, outcome: outcome):
+    """A store with five repeats of every configuration of a study."""
+    store = Store(path)
+    store._db.execute("PRAGMA synchronous=OFF")  # nothing here outlives the test
+    store.add_session(session("s"))
+    for repeat, noise in enumerate(NOISE):
+        for configuration in study.configurations:
+            trial = dataclasses.replace(first(configuration), repeat=repeat)
+            build_s, trace_s = times(configuration)
+            counted = {key: 20 for key in ("cells_entered", "bounds_tested", "primitives_tested")}
+            outcome = Outcome(
+                "ok", started_utc=f"{repeat}", build_s=build_s, trace_s=trace_s * noise,
+                structure_bytes=1000, rays=10, facts={},
+                picture_hash="mesh" if configuration.scheme == "embree_mesh" else "right",
+                counters=counted | {"booleans_evaluated": 5} if repeat == 0 else None,
+            )  # fmt: skip
+            store.add_trial("s", trial, change(trial, outcome))
+    return store
+
+
+def read(store, study=PAPER):
+    return results.load(store, study, {"embree_mesh"})
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return fill(tmp_path_factory.mktemp("store") / "trials.sqlite")
+
+
+@pytest.fixture(scope="module")
+def paper(store):
+    return read(store)
+
+
+# --- The study and the paper's numbers ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", figures.FIGURES)
+def test_the_printed_totals_are_sums_and_every_row_is_in_the_study(name, paper):
+    for row in printed()[name]["rows"]:
+        assert row["build_s"] + row["trace_s"] == pytest.approx(row["total_s"], abs=1e-9)
+    fig = figures.figure(name, paper)
+    assert len(fig.rows) == 18
+    assert all(row.ours for row in fig.rows)
+    assert sum(row.paper is not None for row in fig.rows) == 12
+    studied = {
+        c.params for c in PAPER.configurations if c.model == fig.model and c.scheme == "sdsm"
+    }
+    assert len(studied) == 6
+
+
+def test_the_paper_study_is_as_the_paper_measured():
+    settings = {(c.width, c.height, c.repeats) for c in PAPER.configurations}
+    assert settings == {(512, 512, 5)}
+
+
+# --- Judging rows ---------------------------------------------------------------------------------
+
+
+def test_all_is_tabled_where_all_is_right(paper):
+    assert len(paper.tabled) == len(PAPER.configurations)
+    assert paper.refusals() == []
+    assert paper.unchecked == ["ball", "ngk", "ngkcut"]
+
+
+def test_a_picture_that_differs_from_naive_is_wrong_even_if_it_has_the_majority(tmp_path):
+    def change(trial, outcome):
+        right = trial.scheme in ("naive", "sdsm", "embree_mesh")
+        return outcome if right else dataclasses.replace(outcome, picture_hash="bad")
+
+    found = read(fill(tmp_path / "t.sqlite", change=change))
+    assert {r.scheme for r in found.tabled} == {"naive", "sdsm", "embree_mesh"}
+    assert "ball uniform_grid n=48: wrong: picture bad where naive has right" in found.refusals()
+
+
+def test_one_wrong_repeat_is_enough(tmp_path):
+    def change(trial, outcome):
+        bad = trial.scheme == "chuang_hwang" and trial.repeat == 3
+        return dataclasses.replace(outcome, picture_hash="bad") if bad else outcome
+
+    found = read(fill(tmp_path / "t.sqlite", change=change))
+    assert {r.scheme for r in found.all if not r.ok} == {"chuang_hwang"}
+
+
+def test_a_failed_trial_is_left_out_with_its_reason(tmp_path):
+    def change(trial, outcome):
+        bad = trial.scheme == "embree_cells" and trial.model == "ngk"
+        return Outcome("timeout", "no answer in 5 s") if bad else outcome
+
+    found = read(fill(tmp_path / "t.sqlite", change=change))
+    assert found.find("ngk", "embree_cells") is None
+    assert any(line.endswith("timeout: no answer in 5 s") for line in found.refusals())
+    shown = report.all_tables(found, read(Store(tmp_path / "t.sqlite"), GRID), COUNTED)
+    (table,) = (table for table in shown if table.name == "schemes_ngk")
+    assert "embree_cells: timeout (no answer in 5 s)." in table.notes
+
+
+def test_a_model_that_failed_against_the_reference_is_refused(tmp_path):
+    store = fill(tmp_path / "t.sqlite")
+    for passed in (True, False):  # the newest counts
+        store.add_check(
+            Check("ball", "hash", 512, 512, "right", "POV-Ray", passed, "9% differ", {}, "now")
+        )
+    found = read(store)
+    assert found.tabled == []  # in this store all models have the same hash
+    assert found.refusals()[0].endswith("refused: against POV-Ray: 9% differ")
+
+
+def test_only_the_newest_code_and_model_are_read(tmp_path):
+    store = fill(tmp_path / "t.sqlite")
+    newer = dataclasses.replace(first(PAPER.configurations[0]), code_version="newer")
+    store.add_trial("s", newer, Outcome("ok", started_utc="9", build_s=1, trace_s=1))
+    found = read(store)
+    assert [r.configuration for r in found.tabled] == [PAPER.configurations[0]]
+    assert {r.status for r in found.all if not r.ok} == {"not run"}
+
+
+def test_values_of_different_rounds_and_sessions_are_not_paired(paper):
+    a, b = paper.tabled[:2]
+    assert len(results.paired(a, b, "trace_s")[0]) == 5
+    other = dataclasses.replace(b, rows=[row | {"session": "t"} for row in b.rows[1:]] + b.rows[:1])
+    assert len(results.paired(a, other, "trace_s")[0]) == 1
+
+
+# --- Figures and claims ---------------------------------------------------------------------------
+
+
+def test_reductions_are_paired_and_the_papers_are_from_its_own_rows(paper):
+    fig = figures.figure("figure8", paper)
+    row = next(row for row in fig.rows if (row.name, row.bound) == ("5:10", "root"))
+    assert row.paper_reduction == pytest.approx(1 - 112.45 / 125.38)
+    assert (row.reduction.low, row.reduction.high) == pytest.approx((0.1, 0.1))
+
+
+def test_every_claim_is_judged_against_the_paper_and_against_us(paper):
+    verdicts = {(row[0], row[1]): row[2:] for row in claims.claims(paper).rows}
+    assert len(verdicts) == 15
+    ball = "ball: bounds save 25% of the trace time"
+    assert verdicts[ball, "the paper's own rows"] == [
+        "fails",
+        "10.3 to 12.2%: less in 6 of 6 rows",
+    ]
+    assert verdicts[ball, "our rows, bound = root"][0] == "fails"
+    ngk = "ngk: bounds save 8% of the trace time"
+    assert verdicts[ngk, "the paper's own rows"][1] == (
+        "5.3 to 15.3%: less in 1 of 6 rows, as claimed in 2 of 6 rows, more in 3 of 6 rows"
+    )
+    optimum = "{}: the optimal d:h is 5:10".format
+    assert verdicts[optimum("ball"), "the paper's own rows"][0] == "holds"
+    assert verdicts[optimum("ngk"), "the paper's own rows"] == [
+        "fails",
+        "6:7 is the fastest; 5:10 takes 64.5% longer",
+    ]
+    assert verdicts[optimum("ngk"), "our rows, bound = all"][0] == "holds"
+    faster = "bounds make tracing faster in every row"
+    assert {verdicts[faster, judge.name][0] for judge in claims.JUDGES} == {"holds"}
+    assert "5:10 with bounds against 5:15 without saves 25.0%" in claims.claims(paper).notes[0]
+
+
+def test_a_claim_about_what_was_not_measured_is_not_judged(tmp_path):
+    empty = read(Store(tmp_path / "t.sqlite"))
+    ours = [row for row in claims.claims(empty).rows if row[1].startswith("our")]
+    assert {row[3] for row in ours} == {"not measured"}
+
+
+def test_break_even_of_the_paper_and_of_ours(paper):
+    figs = [figures.figure(name, paper) for name in figures.FIGURES]
+    rows = {tuple(row[:3]): row[3:] for row in tables.break_even(figs).rows}
+    paper_pictures, pictures, rays = rows["ngk", "6:7", "Yes"]
+    assert paper_pictures == pytest.approx(4.15 / 10.17)
+    assert pictures == pytest.approx(0.1 / (0.1 * 1.13), rel=0.01)
+    assert rays == pictures * 10
+
+
+def test_the_optimum_is_taken_from_the_grid_too(tmp_path, paper):
+    grid = read(fill(tmp_path / "t.sqlite", GRID), GRID)
+    table = tables.optimum([figures.figure("figure9", paper)], grid)
+    (row,) = (row for row in table.rows if row[1] == "Yes")
+    assert row == ["ngk", "Yes", "6:7", "6:7", "5:10", None, "5:10", "5:10", "5:10"]
+
+
+# --- Forms ----------------------------------------------------------------------------------------
+
+COUNTED = {
+    model: {"halfspaces": 3, "nodes": 5, "kinds": ["torus"]} for model in ("ball", "ngk", "ngkcut")
+}
+
+
+def test_every_table_has_its_three_forms_and_the_inexact_scheme_its_label(tmp_path, store, paper):
+    shown = report.all_tables(paper, read(store, GRID), COUNTED)
+    for table in shown:
+        assert all(len(row) == len(table.columns) for row in table.rows), table.name
+        assert table.markdown().count("\n|") == len(table.rows) + 2
+        assert len(list(csv.reader(io.StringIO(table.csv())))) == len(table.rows) + 1
+        assert table.latex().count(r"\\") == len(table.rows) + 1
+    (schemes,) = (table for table in shown if table.name == "schemes_ball")
+    assert [row[0] for row in schemes.rows][0] == "embree_mesh (inexact)"
+    assert [row[0] for row in schemes.rows][-1] == "naive"
+    assert schemes.rows[-1][4].median == 1.0  # times naive
+    assert schemes.rows[0][7:11] == [2.0, 2.0, 2.0, 0.5]  # operations a ray
+
+
+def test_cells_are_rounded_for_people_and_whole_for_machines():
+    columns = [Column("name", "name", align="l"), Column("part", "saved %", percent)]
+    estimate = Estimate(0.123456789, 0.1, 0.15, 5)
+    table = Table("t", "A title", columns, [["a_b", estimate], ["c", None]])
+    assert "| a_b | 12.3 [10.0, 15.0] |\n| c | – |" in table.markdown()
+    assert "name,part,part_low,part_high,part_n\na_b,0.123456789,0.1,0.15,5\n" in table.csv()
+    assert r"a\_b & 12.3 [10.0, 15.0] \\" in table.latex()
+    assert dict(table.values()) == {
+        "t/a_b/part": "12.3",
+        "t/a_b/part/low": "10.0",
+        "t/a_b/part/high": "15.0",
+        "t/c/part": "–",
+    }
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (0, "0"),
+        (7.6, "7.60"),
+        (0.0123456, "0.0123"),
+        (99.96, "100"),
+        (9.996, "10.0"),
+        (22, "22.0"),
+        (12345.6, "12,346"),
+        (1e-7, "0.000000100"),
+        (-1.5, "-1.50"),
+        (float("inf"), "∞"),
+    ],
+)
+def test_numbers_have_three_digits_and_no_exponent(value, shown):
+    assert number(value) == shown
+
+
+def test_integers():
+    assert [integer(v) for v in (1234567.0, float("inf"))] == ["1,234,567", "∞"]
