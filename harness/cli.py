@@ -92,7 +92,7 @@ def sweep(
         counts = ", ".join(f"{n} {status}" for status, n in shown.statuses.items())
         out.print(f"{planned.name}: {counts or 'nothing was left to run'}")
         if not bare:
-            _check(results, planned.models, missing_only=True)
+            _check(results, planned.pictures, missing_only=True)
             _tables(study, results)
             _plots(study, results)
 
@@ -159,8 +159,10 @@ def reference(
     """
     with _one_line_errors():
         from harness.scenes import load_scenes
+        from harness.trace import parse_size
 
-        if not _check(results, models or list(load_scenes()), size=size):
+        pictures = [(model, *parse_size(size)) for model in models or load_scenes()]
+        if not _check(results, pictures):
             raise typer.Exit(1)
 
 
@@ -189,19 +191,18 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
         _publish(publish, results)
 
 
-def _check(folder: Path, models: list[str], size: str = "512x512", **options: bool) -> bool:
-    from harness.reference import check_models
+def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) -> bool:
+    from harness.reference import check
     from harness.store import Store
-    from harness.trace import parse_size
 
-    return check_models(out, Store(folder / STORE), models, *parse_size(size), **options)
+    return check(out, Store(folder / STORE), pictures, **options)
 
 
 def _tables(study: str, folder: Path) -> None:
     from harness import report
 
-    paper, grid = report.load(study, folder / STORE)
-    out.print(f"tables: {report.write_tables(paper, grid, folder)}")
+    paper, grid, target = report.load(study, folder)
+    out.print(f"tables: {report.write_tables(paper, grid, target)}")
     for line in paper.refusals() + grid.refusals():
         err.print(f"not tabled: {line}", style="red", markup=False)
     for model in paper.unchecked:
@@ -212,8 +213,7 @@ def _tables(study: str, folder: Path) -> None:
 def _plots(study: str, folder: Path) -> None:
     from harness import report
 
-    paper, grid = report.load(study, folder / STORE)
-    out.print(f"plots: {report.write_plots(paper, grid, folder)}")
+    out.print(f"plots: {report.write_plots(*report.load(study, folder))}")
 
 
 def _publish(wanted: bool, folder: Path) -> None:

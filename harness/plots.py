@@ -76,9 +76,9 @@ def times(fig: Figure) -> Canvas:
             rows, shift = fig.bound(bound), 0.12 * (i - 1)
             style = {"color": COLOURS[bound], "marker": MARKS[bound], "markersize": 5}
             ours = [getattr(row.ours, key) if row.ours else _NONE for row in rows]
-            _points(above, x + shift, ours, 1e3, style | {"label": LABELS[bound]})
-            relative = [e.map(lambda v, unit=base["ours"]: v / unit) for e in ours]
-            _points(below, x + shift, relative, 1.0, style | {"label": f"ours, {LABELS[bound]}"})
+            in_ms, relative = _scaled(ours, 1e3), _scaled(ours, 1 / base["ours"])
+            _points(above, x + shift, in_ms, style | {"label": LABELS[bound]})
+            _points(below, x + shift, relative, style | {"label": f"ours, {LABELS[bound]}"})
             if any(row.paper for row in rows):
                 theirs = [row.paper[key] / base["paper"] for row in rows]
                 below.plot(
@@ -106,18 +106,20 @@ def _mean(values: Iterable[float]) -> float:
     return float(np.mean(values)) if values else np.nan
 
 
-def _points(
-    axis: Axes, x: np.ndarray, estimates: list[Estimate], unit: float, style: dict
-) -> None:
-    """Medians joined by a line, with their intervals. `unit`: shown for 1 of the estimate."""
-    medians, reach = [unit * e.median for e in estimates], _reach(estimates, unit)
-    axis.errorbar(x, medians, yerr=reach, capsize=2, linewidth=1, **style)
+def _scaled(estimates: list[Estimate], factor: float) -> list[Estimate]:
+    return [estimate.map(lambda value: factor * value) for estimate in estimates]
 
 
-def _reach(estimates: list[Estimate], unit: float) -> np.ndarray:
-    """(2, n): how far the interval reaches below and above the median."""
+def _points(axis: Axes, x: np.ndarray, estimates: list[Estimate], style: dict) -> None:
+    """Medians joined by a line, with their intervals."""
+    medians = [estimate.median for estimate in estimates]
+    axis.errorbar(x, medians, yerr=_reach(estimates), capsize=2, linewidth=1, **style)
+
+
+def _reach(estimates: list[Estimate]) -> np.ndarray:
+    """(2, n): how far the interval reaches below and above the median; 0 where there is none."""
     reach = [(e.median - e.low, e.high - e.median) for e in estimates]
-    return unit * np.nan_to_num(np.array(reach).T).clip(0)
+    return np.nan_to_num(np.array(reach).T).clip(0)
 
 
 def heat_maps(model: str, grid: Results) -> Canvas:
@@ -147,9 +149,13 @@ def heat_maps(model: str, grid: Results) -> Canvas:
             axis.set_yticks(range(len(d_values)), d_values)
             axis.set_xlabel("h, halfspaces in a terminal cell")
             axis.set_ylabel("d, levels of subdivision")
-        canvas.colorbar(image, ax=line, label=f"{what}, ms a picture")
+        bar = canvas.colorbar(image, ax=line, label=f"{what}, ms a picture (log)")
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter("{x:g}")
     size = everything[0].configuration
-    canvas.suptitle(f"{model}, {size.width}×{size.height}: the optimum over d and h (star)")
+    canvas.suptitle(
+        f"{model}, {size.width}×{size.height}: the optimum over d and h (star); blank: not tabled"
+    )
     return canvas
 
 
@@ -159,10 +165,10 @@ def schemes(model: str, results: Results) -> Canvas:
     y = np.arange(len(ordered))
     canvas = Canvas(figsize=(10, 1.3 + 0.55 * len(ordered)))
     left, right = canvas.subplots(1, 2, sharey=True, width_ratios=[3, 2])
-    traced = [r.trace_s for r in ordered]
-    medians = [1e3 * e.median for e in traced]
+    traced = _scaled([r.trace_s for r in ordered], 1e3)
+    medians = [estimate.median for estimate in traced]
     colours = ["#BBBBBB" if r.scheme in results.inexact else "#0072B2" for r in ordered]
-    left.barh(y, medians, xerr=_reach(traced, 1e3), color=colours, height=0.6, capsize=2)
+    left.barh(y, medians, xerr=_reach(traced), color=colours, height=0.6, capsize=2)
     left.set_xscale("log")
     left.set_xlim(min(medians) / 2, max(medians) * 4)
     for position, value in zip(y, medians, strict=True):
@@ -213,6 +219,8 @@ def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
         image = axis.imshow(np.maximum(picture, 1), norm=norm, cmap="magma")
         mean = f"mean {number(picture.mean())}"
         axis.set_title(f"{result.scheme}\n{parameters(result)}\n{mean}", fontsize=8)
-    canvas.colorbar(image, ax=axes, label="primitive tests a pixel, all its rays (log)", shrink=0.7)
+    bar = canvas.colorbar(image, ax=axes, shrink=0.7)
+    bar.set_label("primitive tests a pixel, all its rays (log)")
+    bar.ax.yaxis.set_major_formatter("{x:g}")
     canvas.suptitle(f"{model}: where the work is")
     return canvas

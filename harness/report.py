@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from harness import RESULTS, ROOT, UserError, models, plots, study
+from harness import RESULTS, ROOT, STORE, UserError, models, plots, study
 from harness.claims import claims
 from harness.figures import FIGURES, figure
 from harness.results import Results
@@ -26,14 +26,19 @@ def load_study(name: str) -> study.Study:
     return study.load(study.find(name), catalogue())
 
 
-def load(name: str, store: Path) -> tuple[Results, Results]:
-    """What the store has of a study, and of the grid study, which is reported with the paper's."""
+def load(name: str, folder: Path) -> tuple[Results, Results, Path]:
+    """What `folder` has of a study and of the grid study, which is reported with the paper's; and
+    where the report goes. A study of the user's own has a folder to itself."""
+    store = folder / STORE
     if not store.exists():
         raise UserError(f"{store}: nothing measured yet; run `csgbench sweep` first")
     opened, known = Store(store), catalogue()
     inexact = {scheme for scheme in known if not known[scheme].exact}
-    studies = ("paper" if name == "grid" else name, "grid")
-    return tuple(load_results(opened, load_study(study), inexact) for study in studies)
+    main, grid = (
+        load_results(opened, load_study(study), inexact)
+        for study in ("paper" if name == "grid" else name, "grid")
+    )
+    return main, grid, folder if main.study.name == "paper" else folder / main.study.name
 
 
 def all_tables(paper: Results, grid: Results, counted: dict[str, dict]) -> list[Table]:

@@ -59,6 +59,11 @@ class Study:
     def models(self) -> list[str]:
         return list(dict.fromkeys(c.model for c in self.configurations))
 
+    @property
+    def pictures(self) -> list[tuple[str, int, int]]:
+        """What is drawn: model, width, height."""
+        return list(dict.fromkeys((c.model, c.width, c.height) for c in self.configurations))
+
 
 # Key, type, default. What bounds time has a default too, so that no study can hang.
 _SETTINGS: dict[str, tuple[type, Any]] = {

@@ -19,6 +19,7 @@
 #include "csg/loader.hpp"
 #include "params.hpp"
 #include "render/render.hpp"
+#include "structures/audit.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -349,5 +350,17 @@ NB_MODULE(tracers, m) {
 
   m.def("make", &make, "name"_a, "tree"_a, "params"_a = std::map<std::string, csg::ParamValue>{}, "mesh"_a = nb::none(),
         "Builds a scheme's structure. mesh: (vertices (V, 3) float64, triangles (T, 3) uint32, leaf of each (T,) int32).");
+  m.def("audit_classes", [](const CsgTree& tree, const RayRows& cells, const RayRows& rows) {
+    std::vector<csg::Box> boxes;
+    for (std::size_t i = 0; i < cells.shape(0); ++i) {
+      const double* c = cells.data() + 8 * i;
+      boxes.push_back({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}});
+    }
+    if (cells.shape(0) != rows.shape(0)) throw std::invalid_argument("audit_classes: one cell a ray");
+    const csg::AuditResult result = csg::audit_classes(tree, boxes, rays_of(rows));
+    return std::make_tuple(result.constants, result.violations);
+  }, "tree"_a, "cells"_a.noconvert(), "rays"_a.noconvert(),
+     "(leaves called Empty or Full, those not constant along the ray), over pairs of a cell (N, 8: lo, hi, unused) and "
+     "a ray (N, 8). The premise of all pruning; the second number must be 0.");
   m.def("machine", &machine, "Compiler, its flags, Embree's version.");
 }

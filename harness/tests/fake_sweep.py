@@ -1,6 +1,7 @@
 """A sweep of trials that measure nothing: each misbehaves as its scheme's name says.
 
-As a program, `fake_sweep.py STORE TRIALS`, it is what test_sweep.py kills.
+As a program, `fake_sweep.py STORE TRIALS`, it is what test_sweep.py kills. It prints a dot for
+every trial whose row is said to be written.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from harness.study import Configuration
 from harness.sweep import sweep
 
 SILENT = SimpleNamespace(running=lambda *_: None, finished=lambda *_: None)
+DOTS = SimpleNamespace(running=lambda *_: None, finished=lambda *_: print(end=".", flush=True))
 
 
 def run(trial: Trial) -> Outcome:
@@ -58,7 +60,8 @@ def session(name: str) -> Session:
 
 def fake_sweep(store: Store, name: str, configurations: list[Configuration], **options) -> None:
     store.add_session(session(name))
-    sweep(configurations, first, store, name, SILENT, run=f"{Path(__file__).stem}:run", **options)
+    options = {"report": SILENT, "run": f"{Path(__file__).stem}:run"} | options
+    sweep(configurations, first, store, name, **options)
 
 
 def main() -> None:
@@ -66,7 +69,7 @@ def main() -> None:
     many = [configuration("fine", params=f'{{"d":{i}}}') for i in range(trials // 3)]
     store = Store(path)
     with store.alone():
-        fake_sweep(store, str(os.getpid()), many)
+        fake_sweep(store, str(os.getpid()), many, report=DOTS)
 
 
 if __name__ == "__main__":

@@ -116,9 +116,9 @@ def test_a_tiny_sweep_from_end_to_end(tmp_path):
     assert done.exit_code == 0, done.output
     assert "tiny: 8 ok" in done.stdout
     assert "not tabled" not in done.stderr
-    tables = (results / "tables.md").read_text()
+    tables = (results / "tiny" / "tables.md").read_text()
     for scheme in ("naive", "embree_cells", "hybrid_sdsm"):
         assert scheme in tables
     assert "Not tabled, or not checked" not in tables
-    assert (results / "plots" / "schemes_ball.svg").exists()
+    assert (results / "tiny" / "plots" / "schemes_ball.svg").exists()
     assert "nothing was left to run" in run("sweep", study, "--results", results).stdout

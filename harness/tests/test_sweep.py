@@ -79,23 +79,22 @@ def test_two_sweeps_never_measure_at_once(store):
 
 
 def test_killed_at_any_moment_it_resumes_and_loses_or_doubles_nothing(tmp_path):
-    path, trials, kills = tmp_path / "trials.sqlite", 300, 12
+    path, dots, trials, kills = tmp_path / "trials.sqlite", tmp_path / "dots", 300, 12
     program = [sys.executable, fake_sweep.__file__, str(path), str(trials)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     chance = random.Random(1)
-    seen: set[tuple] = set()
-    for _ in range(kills):
-        child = subprocess.Popen(program, env=environment)
-        time.sleep(chance.uniform(0.1, 0.5))
-        child.kill()
-        child.wait()
-        rows = _rows(path)
-        assert len(rows) == len(set(rows)), "a trial has two rows"
-        assert seen <= set(rows), "a row is gone"
-        seen = set(rows)
-    assert seen, "the sweep never got to work, so nothing was tested"
-    subprocess.run(program, env=environment, check=True)
-    assert len(_rows(path)) == len(set(_rows(path))) == trials
+    with dots.open("ab") as output:
+        for kill in range(kills + 1):
+            child = subprocess.Popen(program, env=environment, stdout=output)
+            if kill < kills:
+                time.sleep(chance.uniform(0.1, 0.5))
+                child.kill()
+            child.wait()
+            rows, written = _rows(path), dots.stat().st_size
+            assert len(rows) == len(set(rows)), "a trial has two rows"
+            assert written <= len(rows) <= written + kill + 1, "a row is gone, or came from nowhere"
+    assert child.returncode == 0
+    assert len(rows) == trials
 
 
 def _rows(path: Path) -> list[tuple]:

@@ -225,8 +225,8 @@ def test_every_table_has_its_three_forms_and_the_inexact_scheme_its_label(tmp_pa
         assert len(list(csv.reader(io.StringIO(table.csv())))) == len(table.rows) + 1
         assert table.latex().count(r"\\") == len(table.rows) + 1
     (schemes,) = (table for table in shown if table.name == "schemes_ball")
-    assert [row[0] for row in schemes.rows][0] == "embree_mesh (inexact)"
-    assert [row[0] for row in schemes.rows][-1] == "naive"
+    assert schemes.rows[0][0] == "embree_mesh (inexact)"
+    assert schemes.rows[-1][0] == "naive"
     assert schemes.rows[-1][4].median == 1.0  # times naive
     assert schemes.rows[0][7:11] == [2.0, 2.0, 2.0, 0.5]  # operations a ray
 

@@ -80,7 +80,8 @@ CsgTree Lowering::run(Shape shape) {
   open(Op::Union, root.end);
   for (std::uint32_t i = root.begin; i < root.end;) {
     const SyntaxNode& node = tree_.nodes[i];
-    const bool is_root = node.modifiers.root && i == root.begin;  // % on the root itself is void
+    // The node under ! is the model even where % stands beside it.
+    const bool is_root = i == root.begin && node.modifiers.root && !node.modifiers.disabled;
     i = node.modifiers.left_out() && !is_root ? node.end : visit(i);
     while (frames_.size() > 1 && frames_.back().end == i) close();
   }

@@ -40,8 +40,7 @@ void sbounds(const CsgTree& model, TreeView tree, const Box& cell, SBoundPasses 
     out[i] = Box::everything();
     if (!tree[i].is_leaf()) continue;
     const Leaf& leaf = model.leaves()[static_cast<std::size_t>(tree[i].leaf())];
-    const double pad = model.pad() * std::max(1.0, leaf.condition / kConditionCovered);
-    out[i] = leaf.bounds.padded(pad);
+    out[i] = leaf.bounds.padded(leaf_pad(model, leaf));
   }
   std::vector<Box> combined;
   // Any number of passes is sound; real trees settle within a few.

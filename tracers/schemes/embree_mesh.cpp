@@ -73,7 +73,7 @@ class EmbreeMesh final : public Tracer {
 extern const SchemeInfo scheme_embree_mesh;
 const SchemeInfo scheme_embree_mesh{
     .name = "embree_mesh",
-    .title = "Embree on a triangle mesh (inexact)",
+    .title = "Embree on a triangle mesh",
     .exact = false,
     .needs_mesh = true,
     .params = {{.name = "segments",

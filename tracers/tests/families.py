@@ -80,7 +80,8 @@ def combine(rng: np.random.Generator, parts: list) -> list:
     parts = list(parts)
     while len(parts) > 1:
         i = rng.integers(len(parts) - 1)
-        parts[i : i + 2] = [[int(rng.integers(UNION, DIFFERENCE + 1)), parts[i], parts[i + 1]]]
+        operator = int(rng.choice([UNION, INTERSECTION, DIFFERENCE], p=[0.5, 0.2, 0.3]))
+        parts[i : i + 2] = [[operator, parts[i], parts[i + 1]]]
     return parts[0]
 
 

@@ -1,0 +1,44 @@
+"""The models of models/scenes.toml: every exact scheme, over its grid of parameters, against naive, for
+every primary ray and every shadow ray of a picture (32×32; 256×256 in `make conformance`)."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tracers
+from test_conformance import EXACT, assert_same, grid
+
+from harness.openscad import to_csg
+from harness.scenes import load_scenes
+
+SCENES = load_scenes()
+
+
+def shadow_rays(primary: np.ndarray, hits: "tracers.Hits", lights: list) -> np.ndarray:
+    """(M, 8): from a little off every point hit to every light."""
+    hit = hits.leaf >= 0
+    point = primary[hit, :3] + hits.t[hit, None] * primary[hit, 3:6]
+    start = point + 1e-9 * np.linalg.norm(point, axis=1)[:, None] * hits.normal[hit]
+    segments = [np.column_stack([start, np.array(light[:3]) - start]) for light in lights]
+    rows = np.concatenate(segments)
+    return np.column_stack([rows, np.zeros(len(rows)), np.ones(len(rows))])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene(name: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
+    size = 32 if request.config.getoption("--rays") < 1_000_000 else 256
+    cache: Path = tmp_path_factory.getbasetemp()
+    scene = SCENES[name]
+    tree = tracers.load_csg(str(to_csg(scene.model, cache)))
+    view = scene.view(size, size)
+    naive = tracers.make("naive", tree)
+    primary = view.primary_rays()
+    rays = np.concatenate([primary, shadow_rays(primary, naive.trace(primary), scene.lights)])
+    expected = naive.trace(rays)
+    assert (expected.leaf >= 0).sum() > size * size / 2
+    picture = naive.render(view).hash
+    for scheme in EXACT:
+        for params in grid(scheme):
+            tracer = tracers.make(scheme.name, tree, params)
+            assert_same(tree, scheme.name, params, tracer, rays, expected)
+            assert tracer.render(view).hash == picture, f"{scheme.name} {params}: another picture"
