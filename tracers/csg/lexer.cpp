@@ -11,26 +11,7 @@ namespace {
 constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
 constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 constexpr bool starts_word(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$'; }
-constexpr bool is_symbol(char c) {
-  switch (c) {
-    case '(':
-    case ')':
-    case '[':
-    case ']':
-    case '{':
-    case '}':
-    case ',':
-    case ';':
-    case '=':
-    case '!':
-    case '#':
-    case '%':
-    case '*':
-      return true;
-    default:
-      return false;
-  }
-}
+constexpr bool is_symbol(char c) { return std::string_view("()[]{},;=!#%*").find(c) != std::string_view::npos; }
 
 std::string printable(char c) {
   if (c >= ' ' && c <= '~') return {'\'', c, '\''};
