@@ -1,12 +1,14 @@
 """The paper's claims, each judged against the paper's own tables and against our rows.
 
 A claimed reduction of p percent agrees with a row if the row's 95% interval (a printed value has
-none) meets p ± 0.5, what is rounded to p.
+none) meets p ± 0.5, what is rounded to p. Where that interval contains 0 as well, the row shows
+nothing, and the claim is open.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -91,17 +93,26 @@ def _judge_reduction(share: float, fig: Figure, judge: Judge) -> tuple[str, str]
     if not reductions:
         return NOTHING, "not measured"
     low, high = share - ROUNDING, share + ROUNDING
-    less = sum(_high(r) < low for r in reductions)
-    more = sum(_low(r) > high for r in reductions)
-    n = len(reductions)
-    same = n - less - more
+
+    def relation(r: Estimate) -> str:
+        if _high(r) < low:
+            return "less"
+        if _low(r) > high:
+            return "more"
+        return "as claimed" if _low(r) > 0 else "open"
+
+    count = Counter(map(relation, reductions))
     medians = [r.median for r in reductions]
-    found = f"{percent(min(medians))} to {percent(max(medians))}%: "
-    parts = [(less, "less"), (same, "as claimed"), (more, "more")]
-    found += ", ".join(f"{what} in {count} of {n} rows" for count, what in parts if count)
-    if same == n:
-        return "holds", found
-    return ("holds in part" if same else "fails"), found
+    found = f"{percent(min(medians))} to {percent(max(medians))}%: {_shares(count)}"
+    if count["as claimed"]:
+        return ("holds" if count["as claimed"] == len(reductions) else "holds in part"), found
+    return ("fails" if count["less"] + count["more"] else "open"), found
+
+
+def _shares(count: Counter[str]) -> str:
+    """`less in 1 of 6 rows, more in 5`."""
+    words = [f"{what} in {n}" for what, n in count.most_common()]
+    return ", ".join([f"{words[0]} of {count.total()} rows", *words[1:]])
 
 
 def _judge_optimum(optimum: str, fig: Figure, judge: Judge) -> tuple[str, str]:
@@ -115,7 +126,7 @@ def _judge_optimum(optimum: str, fig: Figure, judge: Judge) -> tuple[str, str]:
     slower = percent(judge.trace_s(claimed) / judge.trace_s(best) - 1)
     found = f"{best.name} is the fastest; {optimum} takes {slower}% longer"
     if judge.tie(best, claimed):
-        return "not refuted", f"{found}, within the noise"
+        return "open", f"{found}, within the noise"
     return "fails", found
 
 
@@ -123,11 +134,12 @@ def _judge_faster(figures: list[Figure], judge: Judge) -> tuple[str, str]:
     reductions = [r for fig in figures for r in _reductions(fig, judge)]
     if not reductions:
         return NOTHING, "not measured"
-    faster, slower = sum(_low(r) > 0 for r in reductions), sum(_high(r) < 0 for r in reductions)
-    n = len(reductions)
-    parts = [(faster, "faster"), (slower, "slower"), (n - faster - slower, "no difference")]
-    found = ", ".join(f"{what} in {count} of {n} rows" for count, what in parts if count)
-    return ("holds" if faster == n else "fails"), found
+    count = Counter(
+        "faster" if _low(r) > 0 else "slower" if _high(r) < 0 else "open" for r in reductions
+    )
+    if count["slower"]:
+        return "fails", _shares(count)
+    return ("open" if count["open"] else "holds"), _shares(count)
 
 
 def _low(reduction: Estimate) -> float:

@@ -150,8 +150,8 @@ def heat_maps(model: str, grid: Results) -> Canvas:
             axis.set_xlabel("h, halfspaces in a terminal cell")
             axis.set_ylabel("d, levels of subdivision")
         bar = canvas.colorbar(image, ax=line, label=f"{what}, ms a picture (log)")
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.ax.yaxis.set_minor_formatter("{x:g}")
+        bar.ax.yaxis.set_major_formatter("{x:,.10g}")
+        bar.ax.yaxis.set_minor_formatter("{x:,.10g}")
     size = everything[0].configuration
     canvas.suptitle(
         f"{model}, {size.width}×{size.height}: the optimum over d and h (star); blank: not tabled"
@@ -192,7 +192,7 @@ def schemes(model: str, results: Results) -> Canvas:
     right.legend(fontsize=8, loc="best")
     for axis in (left, right):
         axis.grid(axis="x", alpha=0.3)
-        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_major_formatter("{x:,.10g}")
     return canvas
 
 
@@ -221,6 +221,7 @@ def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
         axis.set_title(f"{result.scheme}\n{parameters(result)}\n{mean}", fontsize=8)
     bar = canvas.colorbar(image, ax=axes, shrink=0.7)
     bar.set_label("primitive tests a pixel, all its rays (log)")
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    canvas.suptitle(f"{model}: where the work is")
+    bar.ax.yaxis.set_major_formatter("{x:,.10g}")
+    height, width = pictures[0][1].shape
+    canvas.suptitle(f"{model}, {width}×{height}: where the work is")
     return canvas

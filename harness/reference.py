@@ -6,28 +6,59 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
+import tracers
 from harness import models
 from harness.compare import compare
 from harness.povray import render_reference
-from harness.schemes import catalogue, complete
 from harness.store import Check, Store
 from harness.worker import utc_now
 
-SCHEME = "hybrid_sdsm"  # all exact schemes give the same picture; results.py sees to that
-Picture = tuple[str, int, int]  # model, width, height
+SCHEME = "hybrid_sdsm"  # results.py sees to it that all exact schemes draw the same
 
 
 def check(
-    console: Console, store: Store, pictures: Sequence[Picture], missing_only: bool = False
+    console: Console,
+    store: Store,
+    pictures: Sequence[tuple[str, int, int]],
+    missing_only: bool = False,
 ) -> bool:
-    """Whether all pictures pass. `missing_only`: a picture that has a verdict keeps it."""
-    verdicts = {}
-    for row in store.checks():
-        verdicts[row["model_hash"], row["width"], row["height"], row["picture_hash"]] = row
-    passed = True
+    """Whether every picture (model, width, height) passes; the verdicts go to the store.
+
+    `missing_only`: a picture that has been compared keeps its verdict.
+    """
+    done = {
+        (row["model_hash"], row["width"], row["height"], row["picture_hash"]): bool(row["passed"])
+        for row in store.checks()
+    }
+    passed = []
     for model, width, height in pictures:
-        picture = _trace(model, width, height)
-        verdict = verdicts.get((models.content_hash(model), width, height, picture.hash))
-        if not (missing_only and verdict):
-            ...
-    return passed
+        ours = tracers.make(SCHEME, models.tree(model)).render(
+            models.scene(model).view(width, height)
+        )
+        known = done.get((models.content_hash(model), width, height, ours.hash))
+        if known is None or not missing_only:
+            verdict = _compare(model, width, height, ours)
+            store.add_check(verdict)
+            _print(console, verdict)
+            known = verdict.passed
+        passed.append(known)
+    return all(passed)
+
+
+def _compare(model: str, width: int, height: int, ours: tracers.Picture) -> Check:
+    tree, scene = models.tree(model), models.scene(model)
+    theirs = render_reference(tree, scene, models.CACHE, width, height)
+    comparison = compare(ours, theirs)
+    return Check(
+        model, models.content_hash(model), width, height, ours.hash, "POV-Ray",
+        comparison.passed, comparison.reason, comparison.figures, utc_now(),
+    )  # fmt: skip
+
+
+def _print(console: Console, verdict: Check) -> None:
+    figures = ", ".join(f"{name} {value:.3g}" for name, value in verdict.figures.items())
+    line = f"{verdict.model} {verdict.width}×{verdict.height} against {verdict.reference}: "
+    if verdict.passed:
+        console.print(f"{line}passed; {figures}", markup=False)
+    else:
+        console.print(f"{line}failed: {verdict.reason}; {figures}", style="red", markup=False)

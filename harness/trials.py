@@ -50,7 +50,7 @@ def run(trial: Trial) -> Outcome:
 
 
 def cost_picture(configuration: Configuration) -> np.ndarray:
-    """(H, W) float64: primitives tested for each pixel, by all its rays."""
+    """(H, W) float64: primitives tested for each pixel, by all its rays, at half the size."""
     c = configuration
     tracer, _ = models.build(c.scheme, models.tree(c.model, c.shape), json.loads(c.params))
-    return tracer.render(models.scene(c.model).view(c.width, c.height), cost=True).cost
+    return tracer.render(models.scene(c.model).view(c.width // 2, c.height // 2), cost=True).cost

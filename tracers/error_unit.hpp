@@ -28,6 +28,10 @@ inline constexpr int kPadExponent = -30;
 /// A transform may spoil a crossing by its condition number; P covers E times this much.
 inline constexpr double kConditionCovered = 0x1p12;
 
+/// A line is taken to miss a ball only if it does by this much, relative to the ball and to the
+/// distance of the ray's origin, in squares: 64 u, where rounding costs less than 16.
+inline constexpr double kBallMargin = 0x1p-47;
+
 /// Farthest origin, in sizes, for which 4·bb_max + the kernel's error ≤ P. Rays from farther are
 /// moved to where they enter the world, once, before any scheme sees them.
 inline constexpr double kFarthestOrigin = 32;

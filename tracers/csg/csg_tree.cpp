@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "../primitives/primitive.hpp"
 #include "invert.hpp"
 
 namespace csg {
@@ -59,40 +60,30 @@ const char* fault_of_sizes(const Leaf& leaf) {
   return nullptr;
 }
 
-/// The tight world bounds of a placed primitive, from its support along each world axis: `row` is
-/// that axis taken to local coordinates.
+/// The tight world bounds of a placed primitive, from its support along each world axis.
 Box world_bounds(const Leaf& leaf) {
-  const double* size = leaf.size;
-  const Affine& place = leaf.world_from_local;
   Box box;
   for (int axis = 0; axis < 3; ++axis) {
-    const Vec3 row{place.linear.col[0][axis], place.linear.col[1][axis], place.linear.col[2][axis]};
-    const double around = std::hypot(row.x, row.y);
-    double above = 0, below = 0;
-    switch (leaf.kind) {
-      case Kind::Sphere:
-        above = below = size[0] * std::hypot(row.x, row.y, row.z);
-        break;
-      case Kind::Block:
-        above = below = std::abs(row.x) * size[0] + std::abs(row.y) * size[1] + std::abs(row.z) * size[2];
-        break;
-      case Kind::Cylinder:
-        above = below = size[0] * around + size[1] * std::abs(row.z);
-        break;
-      case Kind::Cone: {  // the hull of its two discs
-        const double bottom = size[0] * around, top = size[1] * around, rise = size[2] * row.z;
-        above = std::max(bottom - rise, top + rise);
-        below = std::max(bottom + rise, top - rise);
-        break;
-      }
-      case Kind::Torus:
-        above = below = size[0] * around + size[1] * std::hypot(row.x, row.y, row.z);
-        break;
-    }
-    box.lo[axis] = place.offset[axis] - below;
-    box.hi[axis] = place.offset[axis] + above;
+    Vec3 along;
+    along[axis] = 1;
+    box.hi[axis] = support(leaf, along)[axis];
+    along[axis] = -1;
+    box.lo[axis] = support(leaf, along)[axis];
   }
   return box;
+}
+
+/// An upper bound of the largest stretch, tight for similarities: ‖MᵀM‖₂ ≤ ‖MᵀM‖₁. `scale`, about the
+/// largest entry, keeps the squares in range.
+double largest_stretch(const Mat3& m, double scale) {
+  Mat3 near_one;
+  for (int i = 0; i < 3; ++i) near_one.col[i] = (1 / scale) * m.col[i];
+  double most = 0;
+  for (const Vec3& column : near_one.col) {
+    const Vec3 products = transposed_times(near_one, column);
+    most = std::max(most, std::fabs(products.x) + std::fabs(products.y) + std::fabs(products.z));
+  }
+  return scale * std::sqrt(most);
 }
 
 bool is_identity(const Mat3& m) {
@@ -115,6 +106,7 @@ void derive(Leaf& leaf, std::size_t index) {
   leaf.condition = inverse.condition;
   leaf.is_translation = is_identity(leaf.world_from_local.linear);
   leaf.bounds = world_bounds(leaf);
+  leaf.reach = local_radius(leaf) * largest_stretch(leaf.world_from_local.linear, inverse.scale);
   if (!finite(leaf.bounds.lo) || !finite(leaf.bounds.hi)) refuse("its bounds are not finite");
 }
 

@@ -31,6 +31,7 @@ struct Leaf {
   Mat3 local_from_world;      ///< inverse of world_from_local.linear
   bool is_translation = false;  ///< world_from_local.linear is the identity
   double condition = 1;       ///< of world_from_local.linear, Frobenius
+  double reach = 0;           ///< radius of a ball around the centre that holds the leaf, up to rounding
   Box bounds;                 ///< world, tight up to rounding, not padded
 };
 

@@ -10,6 +10,7 @@ inline constexpr double kMaxCondition = 1e15;
 struct Inverse {
   Mat3 matrix;
   double condition = kInfinity;  ///< ‖M‖·‖M⁻¹‖/3 in the Frobenius norm: 1 for a similarity
+  double scale = 1;              ///< a power of two near the largest entry
 
   bool usable() const { return condition <= kMaxCondition; }  // false for NaN, too
 };
@@ -33,7 +34,8 @@ inline Inverse invert(const Mat3& m) {
   const Mat3 near_one = scaled_by_power_of_two(m, -exponent);
   if (!(std::abs(determinant(near_one)) > 0)) return {};
   const Mat3 result = inverse(near_one);
-  return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3};
+  return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3,
+          std::ldexp(1.0, exponent)};
 }
 
 }  // namespace csg

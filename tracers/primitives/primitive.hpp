@@ -15,6 +15,9 @@ Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p);
 /// The world point of the leaf's convex hull that is farthest along `v`.
 Vec3 support(const Leaf& leaf, const Vec3& v);
 
+/// Distance of the point farthest from the centre, in the local frame.
+double local_radius(const Leaf& leaf);
+
 /// Figure 3's classes of a cell with respect to a halfspace.
 enum class Class : std::uint8_t { Empty, Partial, Full };
 

@@ -22,7 +22,7 @@ Crossings crossings(const double* size, Line<Real> line) {
 inline Vec3 gradient(const double*, std::uint8_t, const Vec3& p) { return p; }
 inline bool contains(const double* size, const Vec3& p) { return dot(p, p) <= size[0] * size[0]; }
 inline Vec3 support(const double* size, const Vec3& v) {
-  const double n = length(v);
+  const double n = std::hypot(v.x, v.y, v.z);
   return n > 0 ? (size[0] / n) * v : Vec3{};
 }
 

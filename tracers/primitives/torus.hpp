@@ -134,7 +134,7 @@ inline Vec3 gradient(const double* size, std::uint8_t, const Vec3& p) {
 }
 /// Of the convex hull: a disc swept by a ball.
 inline Vec3 support(const double* size, const Vec3& v) {
-  const double flat = std::hypot(v.x, v.y), n = length(v);
+  const double flat = std::hypot(v.x, v.y), n = std::hypot(v.x, v.y, v.z);
   const double s = flat > 0 ? size[0] / flat : 0, b = n > 0 ? size[1] / n : 0;
   return {(s + b) * v.x, (s + b) * v.y, b * v.z};
 }
