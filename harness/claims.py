@@ -122,7 +122,11 @@ def _judge_optimum(optimum: str, fig: Figure, judge: Judge) -> tuple[str, str]:
         return NOTHING, "not measured"
     best = min(rows, key=judge.trace_s)
     if best is claimed:
-        return "holds", f"{optimum} is the fastest of {len(rows)} rows"
+        ties = [row.name for row in rows if row is not best and judge.tie(best, row)]
+        found = f"{optimum} is the fastest of {len(rows)} rows"
+        if not ties:
+            return "holds", found
+        return "open", f"{found}; within the noise so is {', '.join(ties)}"
     slower = percent(judge.trace_s(claimed) / judge.trace_s(best) - 1)
     found = f"{best.name} is the fastest; {optimum} takes {slower}% longer"
     if judge.tie(best, claimed):

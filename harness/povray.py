@@ -3,7 +3,7 @@
 Every leaf becomes POV-Ray's own primitive under a matrix, never a mesh. Three renders give a Reference:
 
 - final    linear 16-bit colour;
-- depth    distance from the eye in two emissive channels, coarse and fine; the hit mask in the third;
+- depth    distance from the eye, and where there is one, as a number of three 16-bit digits;
 - normal   n.x, n.y and n.z in three channels, by the `slope` pattern.
 
 POV-Ray's tolerances are absolute (1e-3 for shadows, 1e-7 to 1e-4 for hits, 1e7 is far), so the model is
@@ -24,13 +24,13 @@ from pathlib import Path
 import numpy as np
 
 from harness import images
-from harness.nary import INTERSECTION, LEAF, UNION, operands
+from harness.nary import DIFFERENCE, INTERSECTION, LEAF, UNION, operands
 
 _EXTENT = 10.0  # of the scaled model
 _REACH_MAX = 1e5  # scaled distance from the eye to the model's far end
 _NESTING_MAX = 5000  # POV-Ray recurses: 10,000 nested operators pass, 40,000 crash it
 _CODES = 65535  # highest code of a 16-bit channel
-_COMMAND = ("povray", "+FN16", "File_Gamma=1.0", "-D", "-A", "+WT1", "Dither=off")
+_COMMAND = ("povray", "+FN16", "File_Gamma=1.0", "-D", "-A", "Dither=off")
 
 
 class PovrayError(RuntimeError):
@@ -123,30 +123,68 @@ def _solid(shot: _Shot, pigments: list[str]) -> str:
     A union is POV-Ray's `union`, which keeps the surfaces that its parts have inside each other: from
     outside the solid they are never the first, and what they shade is inside. `merge` drops them and
     is far slower; it is used only where the eye is inside the solid and would see them.
+
+    Every operator is bounded by its box: POV-Ray has a hierarchy for the scene's objects, and none
+    inside an object (ngkcut: 6 times faster, the same pixels).
     """
-    words = ["", "merge" if shot.eye_is_inside else "union", "intersection", "difference"]
-    leaves = _leaves(shot, pigments)
+    words = {
+        UNION: "merge" if shot.eye_is_inside else "union",
+        INTERSECTION: "intersection",
+        DIFFERENCE: "difference",
+    }
     operators = shot.tree.operators.tolist()
+    leaves, boxes = _leaves(shot, pigments), _boxes(shot)
     lines: list[str] = []
     nesting = 0
-    pending = [len(operators) - 1]
+    pending: list[int | str] = [len(operators) - 1]  # nodes to write, and texts that close them
     while pending:
-        node = pending.pop()
-        if node < 0:
-            lines.append("}")
+        item = pending.pop()
+        if isinstance(item, str):
+            lines.append(item)
             nesting -= 1
-            continue
-        op, leaf, _ = operators[node]
-        if op == LEAF:
-            lines.append(leaves[leaf])
-            continue
-        lines.append(f"{words[op]} {{")
-        nesting += 1
-        if nesting > _NESTING_MAX:
-            raise PovrayError(f"POV-Ray cannot parse operators nested {_NESTING_MAX} deep")
-        pending.append(-1)  # closes the brace
-        pending += reversed(operands(operators, node))
+        elif operators[item][0] == LEAF:
+            lines.append(leaves[operators[item][1]])
+        else:
+            nesting += 1
+            if nesting > _NESTING_MAX:
+                raise PovrayError(f"POV-Ray cannot parse operators nested {_NESTING_MAX} deep")
+            low, high = boxes[item]
+            lines.append(f"{words[operators[item][0]]} {{")
+            pending.append(f"bounded_by {{ box {{ {_vector(low)}, {_vector(high)} }} }} }}")
+            pending += reversed(operands(operators, item))
     return "\n".join(lines)
+
+
+def _boxes(shot: _Shot) -> list[np.ndarray]:
+    """For every node, the (2, 3) low and high corner of a box around its solid, with some room."""
+    tree = shot.tree
+    half = np.array([_half_extents(*leaf) for leaf in zip(tree.kinds, tree.sizes.tolist())])
+    reach = np.einsum("nij,nj->ni", np.abs(tree.matrices[:, :, :3]), half) * shot.scale + 1e-3
+    centre = shot.scaled(tree.matrices[:, :, 3])
+    of_leaf = np.stack([centre - reach, centre + reach], axis=1)
+    boxes: list[np.ndarray] = []
+    for op, left, right in tree.operators.tolist():
+        if op == LEAF:
+            boxes.append(of_leaf[left])
+        elif op == DIFFERENCE:
+            boxes.append(boxes[left])
+        else:
+            pair = np.array([boxes[left], boxes[right]])
+            low, high = pair.min(axis=0), pair.max(axis=0)
+            boxes.append(np.array([low[0], high[1]] if op == UNION else [high[0], low[1]]))
+    return boxes
+
+
+def _half_extents(kind: str, size: list[float]) -> tuple[float, float, float]:
+    """Of a leaf in its own space."""
+    a, b, c = size
+    return {
+        "sphere": (a, a, a),
+        "block": (a, b, c),
+        "cylinder": (a, a, b),
+        "cone": (max(a, b), max(a, b), c),
+        "torus": (a + b, a + b, b),
+    }[kind]
 
 
 def _leaves(shot: _Shot, pigments: list[str]) -> list[str]:
@@ -199,15 +237,17 @@ def _final(shot: _Shot) -> str:
 
 
 def _depth(shot: _Shot) -> str:
-    """red + green/65535 is the distance in codes, blue says that there is one."""
+    """The distance in codes of the reach is Coarse; red is 1 + its integer part, so that 0 is a miss,
+    green and blue are the rest in two more digits of base 65535: 48 bits in all."""
     ex, ey, ez = (f"({value!r})" for value in shot.eye.tolist())
-    codes = f"sqrt(pow(x-{ex},2) + pow(y-{ey},2) + pow(z-{ez},2)) * {_CODES / shot.reach!r}"
+    distance = f"sqrt(pow(x-{ex},2) + pow(y-{ey},2) + pow(z-{ez},2))"
     return _measurement(
         shot,
-        f"#declare Codes = function {{ {codes} }}",
-        f"function {{ floor(Codes(x,y,z)) / {_CODES} }}",
-        "function { Codes(x,y,z) - floor(Codes(x,y,z)) }",
-        "function { 1 }",
+        f"#declare Coarse = function {{ {distance} * {(_CODES - 1) / shot.reach!r} }}\n"
+        f"#declare Fine = function {{ (Coarse(x,y,z) - floor(Coarse(x,y,z))) * {_CODES} }}",
+        f"function {{ (1 + floor(Coarse(x,y,z))) / {_CODES} }}",
+        f"function {{ floor(Fine(x,y,z)) / {_CODES} }}",
+        "function { Fine(x,y,z) - floor(Fine(x,y,z)) }",
     )
 
 
@@ -309,9 +349,10 @@ def _key(texts: dict[str, str]) -> str:
 
 
 def _decode(shot: _Shot, final: np.ndarray, depth: np.ndarray, normal: np.ndarray) -> Reference:
-    mask = depth[..., 2] > 0
-    coarse, fine = depth[..., 0].astype(float), depth[..., 1].astype(float)
-    distance = (coarse + fine / _CODES) * (shot.reach / _CODES / shot.scale)
+    red, green, blue = np.moveaxis(depth.astype(float), -1, 0)
+    mask = red > 0
+    codes = red - 1 + (green + blue / _CODES) / _CODES
+    distance = codes * (shot.reach / (_CODES - 1) / shot.scale)
     towards_eye = -np.cos(np.pi / _CODES * normal.astype(float))
     outward = -towards_eye if shot.eye_is_inside else towards_eye
     with np.errstate(invalid="ignore"):

@@ -27,6 +27,7 @@ class Report:
             TextColumn("{task.description}"),
             console=console,
             transient=True,
+            refresh_per_second=2,  # drawing must not disturb the measurement
             disable=not console.is_terminal,
         )
         self._task = self._bar.add_task("", total=None, left="")

@@ -8,7 +8,7 @@ from rich.console import Console
 
 import tracers
 from harness import models
-from harness.compare import compare
+from harness.compare import color_figures, compare
 from harness.povray import render_reference
 from harness.store import Check, Store
 from harness.worker import utc_now
@@ -51,14 +51,16 @@ def _compare(model: str, width: int, height: int, ours: tracers.Picture) -> Chec
     comparison = compare(ours, theirs)
     return Check(
         model, models.content_hash(model), width, height, ours.hash, "POV-Ray",
-        comparison.passed, comparison.reason, comparison.figures, utc_now(),
+        comparison.passed, "; ".join(comparison.reasons),
+        comparison.figures | color_figures(ours, theirs), utc_now(),
     )  # fmt: skip
 
 
 def _print(console: Console, verdict: Check) -> None:
-    figures = ", ".join(f"{name} {value:.3g}" for name, value in verdict.figures.items())
-    line = f"{verdict.model} {verdict.width}×{verdict.height} against {verdict.reference}: "
+    shown = {name: verdict.figures[name] for name in ("depth_max", "normal_deg_max", "rgb_max")}
+    figures = ", ".join(f"{name} {value:.2g}" for name, value in shown.items())
+    line = f"{verdict.model} {verdict.width}×{verdict.height} against {verdict.reference}"
     if verdict.passed:
-        console.print(f"{line}passed; {figures}", markup=False)
+        console.print(f"{line}: same picture; {figures}", markup=False)
     else:
-        console.print(f"{line}failed: {verdict.reason}; {figures}", style="red", markup=False)
+        console.print(f"{line}: {verdict.reason}", style="red", markup=False)

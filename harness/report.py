@@ -12,7 +12,7 @@ from harness.claims import claims
 from harness.figures import FIGURES, figure
 from harness.results import Results
 from harness.results import load as load_results
-from harness.scheme_tables import machine, schemes, work
+from harness.scheme_tables import machine, references, schemes, work
 from harness.schemes import catalogue
 from harness.store import Store
 from harness.table import Table, latex_text
@@ -54,6 +54,7 @@ def all_tables(paper: Results, grid: Results, counted: dict[str, dict]) -> list[
         break_even(figures.values()),
         *(schemes(model, paper) for model in counted),
         work(paper),
+        references(paper),
         machine(paper),
     ]
 

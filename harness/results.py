@@ -92,6 +92,7 @@ class Results:
     all: list[Result]
     inexact: Collection[str]  # the schemes whose picture may differ
     unchecked: list[str]  # models whose picture was compared with no reference
+    checks: list[Row]  # the verdict on each picture that was compared
     sessions: list[Row]  # a row of each session that contributed, oldest first
 
     @property
@@ -136,7 +137,9 @@ def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
         results.append(result)
     unchecked = {r.model for r in results if r.ok and _picture(r.rows[0]) not in checks}
     sessions = sorted(used.values(), key=lambda row: row["session_started_utc"])
-    return Results(study, results, inexact, sorted(unchecked), sessions)
+    pictures = {(model_hashes.get(m), width, height) for m, width, height in study.pictures}
+    verdicts = [check for picture, check in checks.items() if picture in pictures]
+    return Results(study, results, inexact, sorted(unchecked), verdicts, sessions)
 
 
 def _key(row: Row) -> tuple:

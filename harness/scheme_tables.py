@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from harness import statistics
 from harness.results import Result, Results, paired
-from harness.table import Column, Table, megabytes, milliseconds, number
+from harness.table import Column, Table, integer, megabytes, milliseconds, number, scientific
 
 COUNTERS = {
     "cells_entered": "cells",
@@ -97,6 +97,37 @@ def per_ray(result: Result) -> list[float | None]:
 def parameters(result: Result) -> str:
     """`bound=root d=5 h=10`."""
     return " ".join(f"{name}={value}" for name, value in result.params.items())
+
+
+def references(results: Results) -> Table:
+    """How far our pictures are from those of other code."""
+    keys = ("mask_flips", "silhouette", "shadow_edge", "unexplained")
+    errors = ("depth_max", "normal_deg_max", "rgb_max")
+    rows = [
+        [
+            check["model"], f"{check['width']}×{check['height']}", check["reference"],
+            check["reason"] or "passed", check["figures"].get("hits"),
+            *(check["figures"].get(key) for key in (*keys, *errors)),
+        ]
+        for check in results.checks
+    ]  # fmt: skip
+    columns = [
+        Column("model", "model", align="l"),
+        Column("size", "size", align="l"),
+        Column("reference", "reference", align="l"),
+        Column("verdict", "verdict", align="l"),
+        Column("hits", "pixels hit", integer),
+        *(Column(key, key.replace("_", " "), integer) for key in keys),
+        Column("depth_max", "depth, of the farthest", scientific),
+        Column("normal_deg_max", "normal, degrees", scientific),
+        Column("rgb_max", "colour", scientific),
+    ]
+    notes = [
+        "Pixels that differ, by kind, and the largest error anywhere. All exact schemes draw the "
+        "same picture to the bit."
+    ]
+    title = "Our pictures against pictures by other code"
+    return Table("references", title, columns, rows, notes)
 
 
 def machine(results: Results) -> Table:

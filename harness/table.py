@@ -141,3 +141,7 @@ def megabytes(value: float) -> str:
 
 def integer(value: float) -> str:
     return "∞" if math.isinf(value) else f"{round(value):,}"
+
+
+def scientific(value: float) -> str:
+    return f"{value:.1e}"
