@@ -35,7 +35,9 @@ err = Console(stderr=True, soft_wrap=True, highlight=False)
 StudyName = Annotated[
     str, typer.Argument(help="A name in harness/sweeps (paper, grid) or the path of a .toml file.")
 ]
-Results = Annotated[Path, typer.Option(help="The folder of measurements and of what is written.")]
+Results = Annotated[
+    Path, typer.Option(help="Where measurements are kept and reports go.", show_default="results")
+]
 Publish = Annotated[
     bool, typer.Option("--publish", help="Copy what is written to results/published/ too.")
 ]

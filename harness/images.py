@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 
 from harness.atomic import replacing
 
-_EPOCH = "1970:01:01 00:00:00"  # the date in every file, so that the bytes depend on the pixels alone
+_EPOCH = "1970:01:01 00:00:00"  # in every file: its bytes depend on the pixels alone
 
 
 class ImageError(RuntimeError):
@@ -82,7 +82,7 @@ def normal_channels(normal: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def write_picture(path: str | Path, picture) -> None:
-    """Writes a `tracers.Picture`; the suffix says as what: .png to look at, .exr with all channels."""
+    """Writes a `tracers.Picture`, by its suffix: .png to look at, .exr with all channels."""
     suffix = Path(path).suffix.lower()
     if suffix == ".png":
         write_png(path, picture.rgb)

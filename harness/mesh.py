@@ -1,10 +1,10 @@
 """Triangle meshes of CSG trees, by Manifold: what a user would trace instead of the solid itself.
 
-Round primitives become polyhedra with their vertices on the true surface, as in OpenSCAD: `segments`
-edges to a full circle. A torus has them around its axis, and around its tube as many as give edges
-the same sagitta, 20 of 64 for a tube a tenth as thick: with 64 both ways ngk takes three times as long
-and deviates as much. Manifold makes a sphere from an octahedron; it and the tube round up to a
-multiple of four.
+Round primitives become polyhedra with their vertices on the true surface, as in OpenSCAD, with
+`segments` edges to a full circle. A torus has them around its axis, and around its tube as many as
+give edges the same sagitta: 20 of 64 for a tube a tenth as thick. With 64 both ways ngk takes three
+times as long and deviates as much. Manifold makes a sphere from an octahedron; the edges around it
+and around a tube are a multiple of four.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Mesh:
 def tessellate(tree, segments: int, cache: Path = RESULTS / "cache") -> Mesh:
     """The mesh of a `tracers.CsgTree`, from the cache if it was made before.
 
-    The cache is `cache/mesh-<key>.npz`; the key is a hash of the tree, the count, Manifold's version
-    and this file.
+    The cache is `cache/mesh-<key>.npz`; the key is a hash of the tree, the segments, Manifold's
+    version and this file.
     """
     path = cache / f"mesh-{_key(tree, segments)}.npz"
     if path.exists():
@@ -57,11 +57,10 @@ def tessellate(tree, segments: int, cache: Path = RESULTS / "cache") -> Mesh:
 
 def _tessellate(tree, segments: int) -> Mesh:
     started = time.monotonic()
-    primitives = [
-        _primitive(kind, size, segments) for kind, size in zip(tree.kinds, tree.sizes.tolist())
-    ]
-    leaf_of_original = {solid.original_id(): leaf for leaf, solid in enumerate(primitives)}
-    placed = [solid.transform(matrix) for solid, matrix in zip(primitives, tree.matrices)]
+    sizes = tree.sizes.tolist()
+    local = [_primitive(kind, *sizes[leaf], segments) for leaf, kind in enumerate(tree.kinds)]
+    leaf_of_original = {solid.original_id(): leaf for leaf, solid in enumerate(local)}
+    placed = [solid.transform(tree.matrices[leaf]) for leaf, solid in enumerate(local)]
     mesh = _combine(tree.operators.tolist(), placed).to_mesh64()
     leaf_of_run = [leaf_of_original[original] for original in mesh.run_original_id]
     if not leaf_of_run:
@@ -74,9 +73,8 @@ def _tessellate(tree, segments: int) -> Mesh:
     )
 
 
-def _primitive(kind: str, size: list[float], segments: int) -> Manifold:
+def _primitive(kind: str, a: float, b: float, c: float, segments: int) -> Manifold:
     """A leaf in its own space: centred on the origin, axis z."""
-    a, b, c = size
     if kind == "sphere":
         return Manifold.sphere(a, segments)
     if kind == "block":
@@ -100,7 +98,8 @@ def _combine(operators: list[list[int]], leaves: list[Manifold]) -> Manifold:
             pending += batches[-1][1]
     solids = {node: leaves[left] for node, (op, left, _) in enumerate(operators) if op == LEAF}
     for node, parts in reversed(batches):
-        solid = Manifold.batch_boolean([solids.pop(part) for part in parts], _OP_TYPES[operators[node][0]])
+        operation = _OP_TYPES[operators[node][0]]
+        solid = Manifold.batch_boolean([solids.pop(part) for part in parts], operation)
         if solid.status() != Error.NoError:
             raise MeshError(f"Manifold fails on operator {node}: {solid.status().name}")
         solids[node] = solid

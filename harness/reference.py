@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from rich.console import Console
 
 import tracers
 from harness import models
-from harness.compare import color_figures, compare
+from harness.compare import compare, difference_picture
 from harness.povray import render_reference
 from harness.store import Check, Store
 from harness.worker import utc_now
@@ -22,7 +23,8 @@ def check(
     pictures: Sequence[tuple[str, int, int]],
     missing_only: bool = False,
 ) -> bool:
-    """Whether every picture (model, width, height) passes; the verdicts go to the store.
+    """Whether every picture (model, width, height) passes; the verdicts go to the store, and
+    pictures of the differences to `reference/` beside it.
 
     `missing_only`: a picture that has been compared keeps its verdict.
     """
@@ -37,7 +39,8 @@ def check(
         )
         known = done.get((models.content_hash(model), width, height, ours.hash))
         if known is None or not missing_only:
-            verdict = _compare(model, width, height, ours)
+            drawing = store.path.parent / "reference" / f"{model}_{width}x{height}.png"
+            verdict = _compare(model, width, height, ours, drawing)
             store.add_check(verdict)
             _print(console, verdict)
             known = verdict.passed
@@ -45,14 +48,14 @@ def check(
     return all(passed)
 
 
-def _compare(model: str, width: int, height: int, ours: tracers.Picture) -> Check:
+def _compare(model: str, width: int, height: int, ours: tracers.Picture, drawing: Path) -> Check:
     tree, scene = models.tree(model), models.scene(model)
     theirs = render_reference(tree, scene, models.CACHE, width, height)
     comparison = compare(ours, theirs)
+    difference_picture(drawing, ours, theirs, comparison)
     return Check(
         model, models.content_hash(model), width, height, ours.hash, "POV-Ray",
-        comparison.passed, "; ".join(comparison.reasons),
-        comparison.figures | color_figures(ours, theirs), utc_now(),
+        comparison.passed, "; ".join(comparison.reasons), comparison.figures, utc_now(),
     )  # fmt: skip
 
 

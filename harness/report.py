@@ -127,7 +127,7 @@ def _write_rows(path: Path, results: Results) -> None:
 
 def publish(folder: Path, target: Path) -> None:
     """Copy what a reader of the repository sees: all but the LaTeX."""
-    patterns = ("tables.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*")
+    patterns = ("tables.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
     _copy((file for pattern in patterns for file in folder.glob(pattern)), folder, target)
 
 

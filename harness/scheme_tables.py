@@ -118,7 +118,7 @@ def references(results: Results) -> Table:
         Column("verdict", "verdict", align="l"),
         Column("hits", "pixels hit", integer),
         *(Column(key, key.replace("_", " "), integer) for key in keys),
-        Column("depth_max", "depth, of the farthest", scientific),
+        Column("depth_max", "depth, relative", scientific),
         Column("normal_deg_max", "normal, degrees", scientific),
         Column("rgb_max", "colour", scientific),
     ]

@@ -61,7 +61,7 @@ class BoundarySearch {
   /// cannot reach in from outside. Where the ray itself starts later, that is the start.
   double start_in_quiet(double enter, double ray_start) {
     quiet_from_ = ray_start < enter ? enter : kInfinity;
-    skip_ = std::max(enter + 2 * widest_band_, ray_start);
+    skip_ = ray_start < enter ? enter + 2 * widest_band_ : ray_start;
     return skip_;
   }
   /// Whether a crossing was met where there should be none.

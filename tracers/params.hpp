@@ -30,6 +30,7 @@ class Params {
 
   int integer(const std::string& name) const;
   const std::string& choice(const std::string& name) const;
+  const std::map<std::string, ParamValue>& values() const { return values_; }
 
   std::shared_ptr<const TriangleMesh> mesh;  ///< for the schemes that trace one
 

@@ -179,6 +179,9 @@ BuiltTracer make(const std::string& name, std::shared_ptr<CsgTree> tree,
     out->leaf_of_triangle.assign(leaves.data(), leaves.data() + leaves.size());
     if (out->leaf_of_triangle.size() * 3 != out->triangles.size())
       throw std::invalid_argument("mesh: one leaf a triangle is needed");
+    for (const std::int32_t leaf : out->leaf_of_triangle)
+      if (leaf < 0 || static_cast<std::size_t>(leaf) >= tree->leaves().size())
+        throw std::invalid_argument("mesh: a triangle names a leaf that is not there");
     for (const std::uint32_t v : out->triangles)
       if (v >= out->vertices.size()) throw std::invalid_argument("mesh: a triangle names a vertex that is not there");
     params.mesh = std::move(out);
@@ -348,6 +351,9 @@ NB_MODULE(tracers, m) {
       }, "rays"_a.noconvert(), "(N,) uint8: 1 where trace() would hit")
       .def("render", &render, "view"_a, "count"_a = false, "cost"_a = false);
 
+  m.def("complete", [](const std::string& name, const std::map<std::string, csg::ParamValue>& given) {
+    return csg::Params(name, csg::scheme(name).params, given).values();
+  }, "name"_a, "params"_a, "All parameters of a scheme: those given, checked, and the others' defaults. Raises ValueError.");
   m.def("make", &make, "name"_a, "tree"_a, "params"_a = std::map<std::string, csg::ParamValue>{}, "mesh"_a = nb::none(),
         "Builds a scheme's structure. mesh: (vertices (V, 3) float64, triangles (T, 3) uint32, leaf of each (T,) int32).");
   m.def("audit_classes", [](const CsgTree& tree, const RayRows& cells, const RayRows& rows) {

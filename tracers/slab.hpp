@@ -10,15 +10,16 @@ struct Interval {
   bool empty() const { return !(lo <= hi); }
 };
 
-/// 1/d by axis, with a flag where the ray is parallel to the axis' planes.
+/// 1/d by axis, with flags where the ray is parallel to the axis' planes, and where it goes up.
 struct Reciprocal {
   Vec3 inv;
-  bool parallel[3];
+  bool parallel[3], forward[3];
 
   explicit Reciprocal(const Vec3& dir) {
     const double largest = std::max({std::fabs(dir.x), std::fabs(dir.y), std::fabs(dir.z)});
     for (int axis = 0; axis < 3; ++axis) {
       parallel[axis] = std::fabs(dir[axis]) <= kParallel * largest;
+      forward[axis] = dir[axis] > 0;
       inv[axis] = parallel[axis] ? 0 : 1 / dir[axis];
     }
   }
@@ -27,7 +28,7 @@ struct Reciprocal {
   double plane(int axis, double at, const Vec3& origin) const { return (at - origin[axis]) * inv[axis]; }
 };
 
-/// The ray's interval in a box. Boxes carry their pad, so no widening is needed here.
+/// The ray's interval in a box; empty if the box is. Boxes carry their pad: nothing is widened here.
 inline Interval slab(const Box& box, const Vec3& origin, const Reciprocal& ray) {
   Interval in;
   for (int axis = 0; axis < 3; ++axis) {
@@ -36,8 +37,8 @@ inline Interval slab(const Box& box, const Vec3& origin, const Reciprocal& ray) 
       continue;
     }
     const double a = ray.plane(axis, box.lo[axis], origin), b = ray.plane(axis, box.hi[axis], origin);
-    in.lo = std::max(in.lo, std::min(a, b));
-    in.hi = std::min(in.hi, std::max(a, b));
+    in.lo = std::max(in.lo, ray.forward[axis] ? a : b);
+    in.hi = std::min(in.hi, ray.forward[axis] ? b : a);
   }
   return in;
 }

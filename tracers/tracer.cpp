@@ -21,7 +21,7 @@ void prepared(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
   constexpr std::size_t kChunk = 1024;
   Ray moved[kChunk];
   double shift[kChunk];
-  const Box world = tree.bounds().padded(tree.pad());
+  const Box world = tree.world();
   for (std::size_t begin = 0; begin < rays.size(); begin += kChunk) {
     const std::size_t count = std::min(kChunk, rays.size() - begin);
     for (std::size_t i = 0; i < count; ++i) {
@@ -34,10 +34,13 @@ void prepared(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
         if (inside.empty()) {
           ray = {{0, 0, 0}, {0, 0, 1}, 0, -kInfinity};
         } else {
+          // Moving costs what the far origin's band says: the ends give way by as much, so that no
+          // hit comes back at t_min or from beyond t_max.
+          const double band = tie_band(ray.origin, length(ray.dir), tree.size());
           shift[i] = inside.lo;
           ray.origin = ray.origin + inside.lo * ray.dir;
-          ray.t_min -= inside.lo;
-          ray.t_max -= inside.lo;
+          ray.t_min += band - inside.lo;
+          ray.t_max -= band + inside.lo;
         }
       }
       moved[i] = ray;
@@ -53,7 +56,7 @@ void Tracer::trace(std::span<const Ray> rays, std::span<Hit> hits, Counters* cou
     const std::span<Hit> out = hits.subspan(begin, chunk.size());
     trace_batch(chunk, out, counters);
     for (std::size_t i = 0; i < chunk.size(); ++i)
-      if (shift[i] != 0) out[i].t += shift[i];
+      if (out[i].leaf >= 0) out[i].t += shift[i];
   });
 }
 

@@ -48,14 +48,6 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
 inline Vec3 transposed_times(const Mat3& m, Vec3 v) {
   return {dot(m.col[0], v), dot(m.col[1], v), dot(m.col[2], v)};
 }
-inline double determinant(const Mat3& m) { return dot(m.col[0], cross(m.col[1], m.col[2])); }
-/// The inverse by cofactors. The caller has made sure that the determinant is not zero.
-inline Mat3 inverse(const Mat3& m) {
-  const double d = determinant(m);
-  const Vec3 r0 = cross(m.col[1], m.col[2]), r1 = cross(m.col[2], m.col[0]),
-             r2 = cross(m.col[0], m.col[1]);
-  return {{{r0.x / d, r1.x / d, r2.x / d}, {r0.y / d, r1.y / d, r2.y / d}, {r0.z / d, r1.z / d, r2.z / d}}};
-}
 inline double frobenius(const Mat3& m) {
   return std::sqrt(dot(m.col[0], m.col[0]) + dot(m.col[1], m.col[1]) + dot(m.col[2], m.col[2]));
 }

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "../error_unit.hpp"
 #include "../primitives/primitive.hpp"
 #include "invert.hpp"
 
@@ -114,12 +115,16 @@ void derive(Leaf& leaf, std::size_t index) {
   throw ModelError("node " + std::to_string(index) + ": " + fault);
 }
 
-/// Refuses nodes that are not one tree in post-order with each leaf used once. Returns the S-bound
+struct RootBounds {
+  Box tight, padded;
+};
+
+/// Refuses nodes that are not one tree in post-order with each leaf used once. Returns the S-bounds
 /// of the root by Figure 5, upwards. The stack holds the subtrees that still wait for their parent.
-Box checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nodes) {
+RootBounds checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nodes) {
   struct Subtree {
     std::int32_t root;
-    Box bounds;
+    RootBounds bounds;
   };
   std::vector<Subtree> waiting;
   std::vector<bool> used(leaves.size(), false);
@@ -131,18 +136,20 @@ Box checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Node>& nod
       if (node.left < 0 || leaf >= leaves.size()) refuse_node(i, "no such leaf");
       if (used[leaf]) refuse_node(i, "its leaf is used twice");
       used[leaf] = true;
-      waiting.push_back({root, leaves[leaf].bounds});
+      waiting.push_back({root, {leaves[leaf].bounds, leaves[leaf].bounds.padded(leaves[leaf].pad)}});
       continue;
     }
     if (node.op > Op::Difference) refuse_node(i, "no such operator");
     const bool in_post_order =
         waiting.size() >= 2 && node.right == waiting.back().root && node.left == waiting[waiting.size() - 2].root;
     if (!in_post_order) refuse_node(i, "its children do not stand in post-order");
-    const Box right = waiting.back().bounds;
+    const RootBounds right = waiting.back().bounds;
     waiting.pop_back();
     Subtree& left = waiting.back();
-    if (node.op == Op::Union) left.bounds = hull(left.bounds, right);
-    if (node.op == Op::Intersection) left.bounds = intersection(left.bounds, right);
+    RootBounds& bounds = left.bounds;
+    if (node.op == Op::Union) bounds = {hull(bounds.tight, right.tight), hull(bounds.padded, right.padded)};
+    if (node.op == Op::Intersection)
+      bounds = {intersection(bounds.tight, right.tight), intersection(bounds.padded, right.padded)};
     left.root = root;
   }
   if (waiting.size() != 1) throw ModelError("the nodes are not one tree");
@@ -161,11 +168,14 @@ CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<
     derive(leaves_[i], i);
     all = hull(all, leaves_[i].bounds);
   }
-  bounds_ = checked_bounds(leaves_, nodes_);
   const Vec3 diagonal = all.hi - all.lo, center = all.center();
   size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) + std::hypot(center.x, center.y, center.z);
   if (!std::isfinite(size_)) throw ModelError("the size of the model is not finite");
-  pad_ = std::ldexp(size_, -30);
+  pad_ = std::ldexp(size_, kPadExponent);
+  for (Leaf& leaf : leaves_) leaf.pad = pad_ * std::max(1.0, leaf.condition / kConditionCovered);
+  const RootBounds root = checked_bounds(leaves_, nodes_);
+  bounds_ = root.tight;
+  world_ = root.padded;
 }
 
 std::size_t CsgTree::bytes() const {

@@ -33,6 +33,7 @@ struct Leaf {
   double condition = 1;       ///< of world_from_local.linear, Frobenius
   double reach = 0;           ///< radius of a ball around the centre that holds the leaf, up to rounding
   Box bounds;                 ///< world, tight up to rounding, not padded
+  double pad = 0;             ///< how much boxes grow before the leaf is judged by them (rule 9)
 };
 
 enum class Op : std::uint8_t { Leaf, Union, Intersection, Difference };
@@ -56,7 +57,9 @@ class CsgTree {
   const std::vector<Node>& nodes() const { return nodes_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
-  Box bounds() const { return bounds_; }     ///< S-bound of the root (Figure 5, upwards), not padded
+  Box bounds() const { return bounds_; }  ///< S-bound of the root (Figure 5, upwards), not padded
+  /// The same from leaves' bounds that are grown by their pads: outside of it, no ray finds a surface.
+  const Box& world() const { return world_; }
   double size() const { return size_; }      ///< the `size` of the hit rule: extent of all leaves and their distance from 0
   double pad() const { return pad_; }        ///< P of the hit rule, rule 9
   std::size_t bytes() const;
@@ -68,7 +71,7 @@ class CsgTree {
   std::vector<Leaf> leaves_;
   std::vector<Node> nodes_;
   std::vector<std::string> warnings_;
-  Box bounds_;
+  Box bounds_, world_;
   double size_ = 0, pad_ = 0;
 };
 

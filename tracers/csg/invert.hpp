@@ -23,6 +23,36 @@ inline Mat3 scaled_by_power_of_two(const Mat3& m, int exponent) {
   return result;
 }
 
+/// M⁻¹ by elimination with complete pivoting, column by column: M·M⁻¹ − 1 is of the order of
+/// u·condition, which the pads count on; cofactors lose u·‖M‖³/|det M|.
+inline Mat3 eliminated(const Mat3& m) {
+  double a[3][6];  // M | 1
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) a[r][c] = m.col[c][r], a[r][c + 3] = r == c;
+  int unknown[3] = {0, 1, 2};  // which one stands in a column
+  for (int k = 0; k < 3; ++k) {
+    int row = k, column = k;
+    for (int r = k; r < 3; ++r)
+      for (int c = k; c < 3; ++c)
+        if (std::fabs(a[r][c]) > std::fabs(a[row][column])) row = r, column = c;
+    for (int c = 0; c < 6; ++c) std::swap(a[k][c], a[row][c]);
+    for (int r = 0; r < 3; ++r) std::swap(a[r][k], a[r][column]);
+    std::swap(unknown[k], unknown[column]);
+    for (int r = k + 1; r < 3; ++r) {
+      const double factor = a[r][k] / a[k][k];
+      for (int c = k; c < 6; ++c) a[r][c] -= factor * a[k][c];
+    }
+  }
+  Mat3 inverse;
+  for (int c = 0; c < 3; ++c)
+    for (int r = 2; r >= 0; --r) {
+      double x = a[r][c + 3];
+      for (int i = r + 1; i < 3; ++i) x -= a[r][i] * inverse.col[c][unknown[i]];
+      inverse.col[c][unknown[r]] = x / a[r][r];
+    }
+  return inverse;
+}
+
 /// Works on M scaled to entries near 1, so that maps of any magnitude are judged by shape alone.
 inline Inverse invert(const Mat3& m) {
   double largest = 0;
@@ -32,8 +62,7 @@ inline Inverse invert(const Mat3& m) {
   if (!(largest > 0 && largest < kInfinity)) return {};
   const int exponent = std::ilogb(largest);
   const Mat3 near_one = scaled_by_power_of_two(m, -exponent);
-  if (!(std::abs(determinant(near_one)) > 0)) return {};
-  const Mat3 result = inverse(near_one);
+  const Mat3 result = eliminated(near_one);
   return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3,
           std::ldexp(1.0, exponent)};
 }

@@ -68,12 +68,6 @@ class Localizer {
   std::vector<std::uint8_t> moved_;
 };
 
-/// How much a cell grows before a leaf is classified: P, and more where the leaf's transform spoils
-/// its crossings by more than P covers.
-inline double leaf_pad(const CsgTree& tree, const Leaf& leaf) {
-  return tree.pad() * std::max(1.0, leaf.condition / kConditionCovered);
-}
-
 /// Localizes a tree to a cell, classifying its leaves by their own geometry.
 class CellClassifier {
  public:

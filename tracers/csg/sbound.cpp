@@ -40,7 +40,7 @@ void sbounds(const CsgTree& model, TreeView tree, const Box& cell, SBoundPasses 
     out[i] = Box::everything();
     if (!tree[i].is_leaf()) continue;
     const Leaf& leaf = model.leaves()[static_cast<std::size_t>(tree[i].leaf())];
-    out[i] = leaf.bounds.padded(leaf_pad(model, leaf));
+    out[i] = leaf.bounds.padded(leaf.pad);
   }
   std::vector<Box> combined;
   // Any number of passes is sound; real trees settle within a few.

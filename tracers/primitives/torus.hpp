@@ -87,8 +87,12 @@ Real bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside) 
 /// loses it (FACTS, torus).
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
-  const Real major = static_cast<Real>(size[0]), minor = static_cast<Real>(size[1]);
   const Real shift = recentre(line);
+  // In units of a power of two near R, so that sixth powers stay in range and no library function
+  // (cbrt) makes the bits depend on the scale.
+  const Real unit = std::ldexp(Real{1}, std::ilogb(size[0]));
+  const Real major = static_cast<Real>(size[0]) / unit, minor = static_cast<Real>(size[1]) / unit;
+  line.ox /= unit, line.oy /= unit, line.oz /= unit;
   const Real outer = major + minor;
   const Real squared = line.ox * line.ox + line.oy * line.oy + line.oz * line.oz;
   if (!(squared < outer * outer)) return {};
@@ -118,7 +122,7 @@ Crossings crossings(const double* size, Line<Real> line) {
     if (!last && !(lo < at && at < chord.leave)) continue;
     const bool now_inside = !last && probe.distance(at) < 0;
     if (now_inside != inside) {
-      const Real t = shift + bracketed_root(probe, lo, at, inside) / speed;
+      const Real t = shift + unit * bracketed_root(probe, lo, at, inside) / speed;
       // Moving back may round two roots out of order: then they are the same.
       out.add(out.count ? std::max<double>(t, out.t[out.count - 1]) : t, 0);
       inside = now_inside;

@@ -26,7 +26,7 @@ struct Plane {
 class ChuangHwang final : public Tracer {
  public:
   ChuangHwang(std::shared_ptr<const CsgTree> tree, int d, int h, Order order)
-      : Tracer(std::move(tree)), world_(tree_->bounds().padded(tree_->pad())), trees_(*tree_) {
+      : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
     Builder(*this, d, h, order).divide(global_tree(*tree_), world_, 0);
     nodes_.shrink_to_fit();
     trees_.shrink();
@@ -153,7 +153,7 @@ class ChuangHwang final : public Tracer {
           task.node = ray.origin[node.axis] < node.at ? below : node.above;
           continue;
         }
-        const bool forward = ray.dir[node.axis] > 0;
+        const bool forward = reciprocal.forward[node.axis];
         const std::int32_t near = forward ? below : node.above, far = forward ? node.above : below;
         const double t = reciprocal.plane(node.axis, node.at, ray.origin);
         if (t <= task.t0) {

@@ -16,18 +16,19 @@ namespace {
 class EmbreeCells final : public Tracer {
  public:
   EmbreeCells(std::shared_ptr<const CsgTree> tree, OctreeLimits limits)
-      : Tracer(std::move(tree)), octree_(*tree_, limits, Bounds::Root), boxes_(root_bounds(), kEmbreePad * tree_->size()) {}
+      : Tracer(std::move(tree)), octree_(*tree_, limits, Bounds::Root), boxes_(root_bounds(), tree_->size()) {}
 
   std::size_t bytes() const override { return octree_.bytes() + boxes_.bytes(); }
   std::map<std::string, double> facts() const override { return octree_.facts(); }
 
  private:
-  /// S-bounds within the padded cells, in double: a tree is right in the whole of its box.
+  /// S-bounds within cells that are padded by half of P, in double: a tree is right in the whole of its
+  /// box, and rounding takes no ray that is in the box out of where it is right.
   std::vector<Box> root_bounds() const {
     std::vector<Box> boxes(octree_.trees().count()), of_nodes;
     octree_.for_each_partial([&](Cell cell, const Box& box) {
       sbounds(*tree_, octree_.trees().tree(cell.tree()), box, SBoundPasses::One, of_nodes);
-      boxes[cell.tree()] = of_nodes[0];
+      boxes[cell.tree()] = intersection(of_nodes[0], box.padded(0.5 * tree_->pad()));
     });
     return boxes;
   }

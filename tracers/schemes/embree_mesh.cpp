@@ -12,7 +12,8 @@ namespace {
 class EmbreeMesh final : public Tracer {
  public:
   EmbreeMesh(std::shared_ptr<const CsgTree> tree, std::shared_ptr<const TriangleMesh> mesh)
-      : Tracer(std::move(tree)), leaf_of_triangle_(mesh->leaf_of_triangle), scene_(RTC_GEOMETRY_TYPE_TRIANGLE) {
+      : Tracer(std::move(tree)), leaf_of_triangle_(mesh->leaf_of_triangle), units_(tree_->size()), scene_(RTC_GEOMETRY_TYPE_TRIANGLE) {
+    if (leaf_of_triangle_.empty()) throw std::invalid_argument("embree_mesh: the mesh has no triangles");
     const RTCGeometry geometry = scene_.geometry();
     auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                                  3 * sizeof(float), mesh->vertices.size()));
@@ -20,7 +21,7 @@ class EmbreeMesh final : public Tracer {
         geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), leaf_of_triangle_.size()));
     if (!vertices || !triangles) throw std::runtime_error("Embree has no memory for the mesh");
     for (const Vec3& v : mesh->vertices)
-      for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(v[axis]);
+      for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(units_.scale() * v[axis]);
     std::copy(mesh->triangles.begin(), mesh->triangles.end(), triangles);
     scene_.commit();
   }
@@ -32,23 +33,25 @@ class EmbreeMesh final : public Tracer {
 
  private:
   /// A ray that starts on a surface must not find it again: it starts a float's tie band further on.
-  RTCRayHit prepare(const Ray& ray) const {
-    RTCRayHit out = embree_ray(ray, 0, ray.t_max);
-    const double band = tie_band(ray.origin, length(ray.dir), tree_->size()) * (kUnitRoundoff<float> / kUnitRoundoff<double>);
-    out.ray.tnear = static_cast<float>(ray.t_min + 4 * band);
-    return out;
+  double start_of(const Ray& ray) const {
+    const double speed = length(ray.dir);
+    const double band = tie_band(ray.origin, speed, tree_->size()) * (kUnitRoundoff<float> / kUnitRoundoff<double>);
+    return std::max(ray.t_min + 4 * band, -kFarthestOrigin * tree_->size() / speed);
   }
 
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      RTCRayHit embree = prepare(rays[i]);
-      rtcIntersect1(scene_.scene(), &context, &embree);
       hits[i] = {};
-      if (embree.hit.geomID == RTC_INVALID_GEOMETRY_ID) continue;
+      const double start = start_of(rays[i]);
+      if (!(start < rays[i].t_max)) continue;
+      RTCRayHit embree = embree_ray(units_, rays[i], start, rays[i].t_max);
+      rtcIntersect1(scene_.scene(), &context, &embree);
+      const double t = start + embree.ray.tfar / units_.of_t(rays[i].dir);
+      if (embree.hit.geomID == RTC_INVALID_GEOMETRY_ID || !(t < rays[i].t_max)) continue;
       const Vec3 normal{embree.hit.Ng_x, embree.hit.Ng_y, embree.hit.Ng_z};
-      hits[i] = {embree.ray.tfar, (1 / length(normal)) * normal, leaf_of_triangle_[embree.hit.primID]};
+      hits[i] = {t, (1 / length(normal)) * normal, leaf_of_triangle_[embree.hit.primID]};
     }
     if (counters) counters->cells_entered += rays.size();
   }
@@ -57,7 +60,10 @@ class EmbreeMesh final : public Tracer {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      RTCRay embree = prepare(rays[i]).ray;
+      blocked[i] = 0;
+      const double start = start_of(rays[i]);
+      if (!(start < rays[i].t_max)) continue;
+      RTCRay embree = embree_ray(units_, rays[i], start, rays[i].t_max).ray;
       rtcOccluded1(scene_.scene(), &context, &embree);
       blocked[i] = embree.tfar < 0;  // Embree sets it to −inf
     }
@@ -65,6 +71,7 @@ class EmbreeMesh final : public Tracer {
   }
 
   std::vector<std::int32_t> leaf_of_triangle_;
+  EmbreeUnits units_;
   EmbreeScene scene_;
 };
 

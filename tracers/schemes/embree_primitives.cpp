@@ -16,8 +16,8 @@ class EmbreePrimitives final : public Tracer {
   explicit EmbreePrimitives(std::shared_ptr<const CsgTree> tree)
       : Tracer(std::move(tree)),
         nodes_(global_tree(*tree_)),
-        world_(tree_->bounds().padded(tree_->pad())),
-        boxes_(leaf_boxes(*tree_), kEmbreePad * tree_->size()) {
+        world_(tree_->world()),
+        boxes_(leaf_boxes(*tree_), tree_->size()) {
     node_of_leaf_.resize(tree_->leaves().size());
     for (std::uint32_t i = 0; i < nodes_.size(); ++i)
       if (nodes_[i].is_leaf()) node_of_leaf_[static_cast<std::size_t>(nodes_[i].leaf())] = i;
@@ -30,7 +30,7 @@ class EmbreePrimitives final : public Tracer {
  private:
   static std::vector<Box> leaf_boxes(const CsgTree& tree) {
     std::vector<Box> boxes;
-    for (const Leaf& leaf : tree.leaves()) boxes.push_back(leaf.bounds);
+    for (const Leaf& leaf : tree.leaves()) boxes.push_back(leaf.bounds.padded(leaf.pad));
     return boxes;
   }
 

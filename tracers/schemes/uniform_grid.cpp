@@ -13,7 +13,7 @@ namespace {
 class UniformGrid final : public Tracer {
  public:
   UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution)
-      : Tracer(std::move(tree)), world_(tree_->bounds().padded(tree_->pad())), trees_(*tree_) {
+      : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
     const Vec3 extent = world_.hi - world_.lo;
     const double voxel = std::max({extent.x, extent.y, extent.z}) / resolution;
     for (int axis = 0; axis < 3; ++axis) {
@@ -85,7 +85,7 @@ class UniformGrid final : public Tracer {
       return reciprocal.plane(axis, plane(axis, plane_index), ray.origin);
     };
     for (int axis = 0; axis < 3; ++axis) {
-      const bool forward = ray.dir[axis] > 0;
+      const bool forward = reciprocal.forward[axis];
       const double p = ray.origin[axis] + (reciprocal.parallel[axis] ? 0 : t0 * ray.dir[axis]);
       at[axis] = std::clamp(static_cast<int>(std::floor((p - world_.lo[axis]) / step_[axis])), 0, size_[axis] - 1);
       step[axis] = forward ? 1 : -1;

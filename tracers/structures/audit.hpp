@@ -24,7 +24,7 @@ inline AuditResult audit_classes(const CsgTree& tree, std::span<const Box> cells
     if (in.empty()) continue;
     const double from = in.lo - 2 * search.widest_band(), to = in.hi + 2 * search.widest_band();
     for (const Leaf& leaf : tree.leaves()) {
-      const Class kind = classify(leaf, cells[i].padded(leaf_pad(tree, leaf)));
+      const Class kind = classify(leaf, cells[i].padded(leaf.pad));
       if (kind == Class::Partial) continue;
       ++result.constants;
       const Crossings found = crossings(leaf, rays[i]);

@@ -39,7 +39,9 @@ class CellTrees {
   CellTrees(const CsgTree& model, Bounds bounds = Bounds::None, SBoundPasses passes = SBoundPasses::One)
       : model_(&model), bounds_(bounds), passes_(passes) {}
 
+  /// Throws std::runtime_error when the trees outgrow kMostBytes.
   Cell add(TreeView tree, const Box& cell) {
+    if (bytes() > kMostBytes) throw std::runtime_error("the structure would exceed 4 GiB: divide less (d, n) or raise h");
     nodes_.insert(nodes_.end(), tree.begin(), tree.end());
     first_.push_back(nodes_.size());
     if (bounds_ != Bounds::None) {
@@ -94,6 +96,8 @@ class CellTrees {
       }
     });
   }
+
+  static constexpr std::size_t kMostBytes = std::size_t{4} << 30;
 
   void shrink() {
     nodes_.shrink_to_fit();

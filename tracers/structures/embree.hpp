@@ -11,6 +11,24 @@
 
 namespace csg {
 
+/// Embree's floats are safe near 1: boxes and origins are handed over in units of 2^exponent, directions
+/// with entries of at most 2, and t in the unit that follows. All exact.
+class EmbreeUnits {
+ public:
+  explicit EmbreeUnits(double size) : scale_(std::ldexp(1.0, -std::ilogb(size))) {}
+
+  double scale() const { return scale_; }
+  /// Units of Embree's t for one of the ray's t.
+  double of_t(const Vec3& dir) const { return scale_ * magnitude(dir); }
+  Vec3 direction(const Vec3& dir) const { return (1 / magnitude(dir)) * dir; }
+
+ private:
+  static double magnitude(const Vec3& d) {
+    return std::ldexp(1.0, std::ilogb(std::max({std::fabs(d.x), std::fabs(d.y), std::fabs(d.z)})));
+  }
+  double scale_;
+};
+
 /// Float rays and boxes stray from the double ones by a few 2⁻²⁴ of the world: boxes are grown by
 /// 2⁻¹⁹ of its size, more than Embree's own arithmetic adds.
 inline constexpr double kEmbreePad = 0x1p-19;
@@ -58,14 +76,14 @@ class EmbreeScene {
 };
 
 /// A float ray over [t0, t1] of a double one, starting there, so that a far origin costs no bits.
-inline RTCRayHit embree_ray(const Ray& ray, double t0, double t1) {
-  const Vec3 o = ray.origin + t0 * ray.dir;
+inline RTCRayHit embree_ray(const EmbreeUnits& units, const Ray& ray, double t0, double t1) {
+  const Vec3 o = units.scale() * (ray.origin + t0 * ray.dir), d = units.direction(ray.dir);
   RTCRayHit out{};
   out.ray.org_x = static_cast<float>(o.x), out.ray.org_y = static_cast<float>(o.y), out.ray.org_z = static_cast<float>(o.z);
-  out.ray.dir_x = static_cast<float>(ray.dir.x), out.ray.dir_y = static_cast<float>(ray.dir.y);
-  out.ray.dir_z = static_cast<float>(ray.dir.z);
+  out.ray.dir_x = static_cast<float>(d.x), out.ray.dir_y = static_cast<float>(d.y);
+  out.ray.dir_z = static_cast<float>(d.z);
   out.ray.tnear = 0;
-  out.ray.tfar = static_cast<float>((t1 - t0) * (1 + kEmbreePad));
+  out.ray.tfar = static_cast<float>((t1 - t0) * units.of_t(ray.dir) * (1 + kEmbreePad));
   out.ray.mask = ~0u;
   out.hit.geomID = out.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   return out;
@@ -75,7 +93,9 @@ inline RTCRayHit embree_ray(const Ray& ray, double t0, double t1) {
 /// roughly near to far. `visit` may return a t beyond which boxes no longer matter, else +inf.
 class EmbreeBoxes {
  public:
-  EmbreeBoxes(std::vector<Box> boxes, double pad) : boxes_(std::move(boxes)), pad_(pad), scene_(RTC_GEOMETRY_TYPE_USER) {
+  /// `size`: of the model, which sets units and padding.
+  EmbreeBoxes(std::vector<Box> boxes, double size)
+      : boxes_(std::move(boxes)), units_(size), pad_(kEmbreePad * size), scene_(RTC_GEOMETRY_TYPE_USER) {
     const RTCGeometry geometry = scene_.geometry();
     rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(boxes_.size()));
     rtcSetGeometryUserData(geometry, this);
@@ -89,23 +109,24 @@ class EmbreeBoxes {
 
   template <class Visit>
   void query(const Ray& ray, double t0, double t1, Visit visit) const {
-    Query query{{}, t0, &visit, [](void* to, unsigned number) { return (*static_cast<Visit*>(to))(number); }};
+    Query query{{}, t0, units_.of_t(ray.dir), &visit, [](void* to, unsigned number) { return (*static_cast<Visit*>(to))(number); }};
     rtcInitIntersectContext(&query.context);
-    RTCRayHit embree = embree_ray(ray, t0, t1);
+    RTCRayHit embree = embree_ray(units_, ray, t0, t1);
     rtcIntersect1(scene_.scene(), &query.context, &embree);
   }
 
  private:
   struct Query {
     RTCIntersectContext context;  // first: Embree hands back a pointer to it
-    double t0;
+    double t0, per_t;
     void* visit;
     double (*call)(void*, unsigned);
   };
 
   static void bounds(const RTCBoundsFunctionArguments* args) {
     const auto* self = static_cast<const EmbreeBoxes*>(args->geometryUserPtr);
-    const Box box = self->boxes_[args->primID].padded(self->pad_);
+    Box box = self->boxes_[args->primID].padded(self->pad_);
+    box = {self->units_.scale() * box.lo, self->units_.scale() * box.hi};
     *args->bounds_o = {static_cast<float>(box.lo.x), static_cast<float>(box.lo.y), static_cast<float>(box.lo.z), 0,
                        static_cast<float>(box.hi.x), static_cast<float>(box.hi.y), static_cast<float>(box.hi.z), 0};
   }
@@ -116,10 +137,11 @@ class EmbreeBoxes {
     const double limit = query->call(query->visit, args->primID);
     if (limit == kInfinity) return;
     auto& ray = reinterpret_cast<RTCRayHit*>(args->rayhit)->ray;
-    ray.tfar = std::min(ray.tfar, static_cast<float>((limit - query->t0) * (1 + kEmbreePad)));
+    ray.tfar = std::min(ray.tfar, static_cast<float>((limit - query->t0) * query->per_t * (1 + kEmbreePad)));
   }
 
   std::vector<Box> boxes_;
+  EmbreeUnits units_;
   double pad_;
   EmbreeScene scene_;
 };

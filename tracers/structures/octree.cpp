@@ -32,17 +32,17 @@ Box cube_around(const Box& box) {
 class Octree::Builder {
  public:
   Builder(Octree& octree, const CsgTree& model, OctreeLimits limits)
-      : octree_(octree), limits_(limits), classifier_(model), trees_of_level_(static_cast<std::size_t>(limits.d) + 1) {}
+      : octree_(octree), model_(model), limits_(limits), classifier_(model), trees_of_level_(static_cast<std::size_t>(limits.d) + 1) {}
 
   std::int32_t divide(TreeView parent_tree, const Box& cell, int level) {
     std::vector<TreeNode>& tree = trees_of_level_[static_cast<std::size_t>(level)];
     octree_.deepest_level_ = std::max(octree_.deepest_level_, level);
     const Class kind = classifier_.localize(parent_tree, cell, tree);
     if (kind != Class::Partial) return link(Cell::constant(kind == Class::Full));
-    if (level == limits_.d || leaf_count(tree) <= limits_.h) return link(octree_.trees_.add(tree, cell));
+    // A cell hardly thicker than the pad of classes has nothing to gain from being divided.
+    const bool thin = cell.half().x < 8 * model_.pad();
+    if (level == limits_.d || leaf_count(tree) <= limits_.h || thin) return link(octree_.trees_.add(tree, cell));
     const std::size_t first = octree_.children_.size();
-    if (first + 8 > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
-      throw std::runtime_error("the octree has too many cells: lower d or raise h");
     octree_.children_.resize(first + 8);
     for (int child = 0; child < 8; ++child) {
       const std::int32_t made = divide(tree, child_box(cell, child), level + 1);
@@ -53,13 +53,15 @@ class Octree::Builder {
 
  private:
   Octree& octree_;
+  const CsgTree& model_;
   OctreeLimits limits_;
   CellClassifier classifier_;
   std::vector<std::vector<TreeNode>> trees_of_level_;
 };
 
 Octree::Octree(const CsgTree& model, OctreeLimits limits, Bounds bounds, SBoundPasses passes)
-    : world_(cube_around(model.bounds().padded(model.pad()))), trees_(model, bounds, passes) {
+    : world_(cube_around(model.world())), trees_(model, bounds, passes) {
+  if (model.world().empty()) return;
   root_ = Builder(*this, model, limits).divide(global_tree(model), world_, 0);
   children_.shrink_to_fit();
   trees_.shrink();

@@ -68,7 +68,7 @@ class Octree {
           continue;
         }
         const double t = reciprocal.plane(axis, task.centre[axis], ray.origin);
-        const bool forward = ray.dir[axis] > 0;
+        const bool forward = reciprocal.forward[axis];
         child |= ((task.t0 < t) != forward) << axis;
         if (!(task.t0 < t && t < task.t1)) continue;
         int at = cuts++;
