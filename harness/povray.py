@@ -7,7 +7,7 @@ Three renders give a Reference:
 - depth    distance from the eye, and where there is one, as a number of three 16-bit digits;
 - normal   n.x, n.y and n.z in three channels, by the `slope` pattern.
 
-They resolve a depth to 4e-15 of the scene's reach, a normal to 0.0024°, and a colour to 7.6e-6 of
+They resolve a depth to 2e-15 of the scene's reach, a normal to 0.0024°, and a colour to 7.6e-6 of
 the brightest; harness/tests/test_povray.py measures it. POV-Ray is a tolerant reference, not the
 truth: its tolerances are absolute, and it solves quartics by radicals.
 """
