@@ -11,7 +11,7 @@ PYTHON := $(VENV)/bin/python
 BENCH := $(VENV)/bin/csgbench
 SOURCES := $(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def) CMakeLists.txt pyproject.toml
 
-.PHONY: help setup sweep test check conformance reference report paper bench lock format clean
+.PHONY: help setup sweep test check conformance reference report publish paper lock format clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -38,9 +38,14 @@ reference: setup  ## render POV-Ray's pictures and compare ours with them
 report: setup  ## tables and plots again from the trials recorded so far
 	@$(BENCH) tables && $(BENCH) plots
 
+publish: setup  ## copy tables, plots and pictures to results/published, which the README shows
+	@$(BENCH) tables --publish && $(BENCH) plots --publish
+	@mkdir -p results/published/pictures
+	@for model in ball ngk ngkcut; do $(BENCH) trace $$model -o results/published/pictures/$$model.png >/dev/null; done
+
 paper: setup  ## build paper/paper.pdf from paper/generated
 	@./packages.sh paper
-	@$(BENCH) tables
+	@$(BENCH) tables && $(BENCH) plots
 	@cd paper && for pass in 1 2; do pdflatex -interaction=nonstopmode -halt-on-error paper.tex >/dev/null || { tail -20 paper.log; exit 1; }; done
 	@echo "paper/paper.pdf"
 

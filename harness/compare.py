@@ -42,8 +42,8 @@ class Limits:
     depth_p999: float = 1e-12
     # Degrees. Measured 0.00195: half a code of `slope` on each of the three axes makes 0.0024.
     normal_deg: float = 0.0025
-    # Of a channel, linear. Measured 8.2e-6: half a code of a 16-bit PNG is 7.6e-6, and it is
-    # scaled by the brightest light that the scene can have.
+    # Of a channel, linear. Measured 8.2e-6: half a code of a 16-bit PNG is 7.6e-6 of the brightest
+    # colour that the scene's lights can make, here 1.05.
     rgb: float = 1e-5
     # Differing pixels with an explanation, a million pixels, each class. Measured 0; some edge must
     # in the end fall on a centre, and POV-Ray sees no shadow within 1e-4 of the model's size.
@@ -110,8 +110,9 @@ class _Errors:
 
 
 def _classify(picture, reference: Reference, errors: _Errors, limits: Limits) -> np.ndarray:
-    moved = errors.flip | (errors.depth > limits.depth) | (errors.normal_deg > limits.normal_deg)
-    differs = moved | (errors.rgb > limits.rgb)
+    stayed = (errors.depth <= limits.depth) & (errors.normal_deg <= limits.normal_deg)
+    moved = errors.flip | ~stayed  # so that NaN differs
+    differs = moved | ~(errors.rgb <= limits.rgb)
     color_is_near = _is_near(reference.rgb, picture.rgb, limits.rgb).all(axis=-1)
     slack = limits.depth * np.where(errors.both, picture.depth, 0)
     depth_is_near = _is_near(reference.depth, picture.depth, slack)
@@ -235,18 +236,17 @@ def difference_picture(
     pale = 0.8 + 0.2 * ours.mean(axis=-1, keepdims=True).repeat(3, axis=-1)
     for kind, color in _COLORS.items():
         pale[comparison.classes == kind] = to_rgb(color)
-    differing = f"{np.count_nonzero(comparison.classes)} of {comparison.classes.size} pixels differ"
+    count, pixels = np.count_nonzero(comparison.classes), comparison.classes.size
 
     height, width = comparison.classes.shape
     zoom, gap, head, foot, dpi = max(1, 400 // width), 10, 30, 40, 100
     size = np.array([3 * width * zoom + 4 * gap, height * zoom + head + foot])
-    canvas = Figure(figsize=size / dpi, dpi=dpi)
-    for column, (pixels, title) in enumerate(
-        [(ours, "ours"), (theirs, "POV-Ray"), (pale, differing)]
-    ):
+    canvas = Figure(figsize=size / dpi, dpi=dpi, layout="none")
+    panels = {"ours": ours, "POV-Ray": theirs, f"{count} of {pixels:,} pixels differ": pale}
+    for column, (title, panel) in enumerate(panels.items()):
         corner = np.array([gap + column * (width * zoom + gap), foot]) / size
         axes = canvas.add_axes((*corner, *(np.array([width, height]) * zoom / size)))
-        axes.imshow(pixels, interpolation="nearest")
+        axes.imshow(panel, interpolation="nearest")
         axes.set_title(title)
         axes.set_axis_off()
     handles = [

@@ -3,8 +3,8 @@
 Round primitives become polyhedra with their vertices on the true surface, as in OpenSCAD, with
 `segments` edges to a full circle. A torus has them around its axis, and around its tube as many as
 give edges the same sagitta: 20 of 64 for a tube a tenth as thick. With 64 both ways ngk takes more
-than twice as long and deviates as much. Manifold makes a sphere from an octahedron; the edges around
-it and around a tube are a multiple of four.
+than twice as long and deviates as much. Manifold makes a sphere from an octahedron; the edges
+around it and around a tube are a multiple of four.
 """
 
 from __future__ import annotations

@@ -88,6 +88,13 @@ def test_a_hole_in_the_middle_of_a_face_fails(ours, theirs, smooth):
     assert classes_of(comparison) == {UNEXPLAINED}
 
 
+@pytest.mark.parametrize("name", ["rgb", "depth", "normal"])
+def test_not_a_number_fails(ours, theirs, smooth, name):
+    y, x = smooth[0]
+    getattr(theirs, name)[y, x] = np.nan
+    assert classes_of(compare(ours, theirs)) == {UNEXPLAINED}
+
+
 def test_a_light_that_reaches_a_shadow_fails(ours, theirs, smooth):
     lit = np.array([ours.lit[y, x] for y, x in smooth])
     (y, x), (from_y, from_x) = smooth[lit == lit.min()][0], smooth[lit == lit.max()][0]

@@ -33,16 +33,19 @@ class Solid:
         rows: list[tuple[int, int, int]] = []
         order: list[int] = []
 
-        def emit(node: list) -> int:
+        waiting, done = [(root, False)], []  # no recursion: chains are a thousand deep
+        while waiting:
+            node, below = waiting.pop()
             if node[0] == "leaf":
                 order.append(node[1])
                 rows.append((LEAF, len(order) - 1, -1))
+            elif not below:
+                waiting += [(node, True), (node[2], False), (node[1], False)]
+                continue
             else:
-                left, right = emit(node[1]), emit(node[2])
+                right, left = done.pop(), done.pop()
                 rows.append((node[0], left, right))
-            return len(rows) - 1
-
-        emit(root)
+            done.append(len(rows) - 1)
         return tracers.CsgTree.build(
             [self.kinds[i] for i in order],
             np.array([self.sizes[i] for i in order], dtype=np.float64),

@@ -5,7 +5,8 @@ import zlib
 import numpy as np
 import pytest
 import tracers
-from families import FAMILIES, rays_for, targets
+from families import rays_for, targets
+from walls import FAMILIES
 
 
 def cells_for(tree, rng: np.random.Generator, count: int) -> np.ndarray:

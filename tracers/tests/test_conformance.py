@@ -10,9 +10,10 @@ import zlib
 import numpy as np
 import pytest
 import tracers
-from families import FAMILIES, onward, rays_for
+from families import rays_for
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from walls import FAMILIES, all_rays, tie_past_an_edge
 
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
 RAYS_PER_TREE = 1000
@@ -47,9 +48,7 @@ def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expecte
 
 def check_tree(tree, rng: np.random.Generator, count: int, settings_of_scheme) -> None:
     naive = tracers.make("naive", tree)
-    rays = rays_for(tree, rng, count)
-    first = naive.trace(rays)
-    rays = np.concatenate([rays, onward(rays, first.t, rng)])
+    rays = all_rays(tree, rng, count)
     expected = naive.trace(rays)
     for scheme in EXACT:
         for params in settings_of_scheme(scheme):
@@ -76,6 +75,19 @@ def test_any_seed(family: str, seed: int) -> None:
     tree = FAMILIES[family](rng)
     pick = lambda s: [grid(s)[seed % len(grid(s))]]  # noqa: E731
     check_tree(tree, rng, 200, pick)
+
+
+def test_ties_just_past_a_cells_edge() -> None:
+    """One ray in a thousand trees met this: so the ray is made together with the tree."""
+    for number in range(400):
+        rng = np.random.default_rng([number, 21])
+        tree, rays = tie_past_an_edge(rng)
+        expected = tracers.make("naive", tree).trace(rays)
+        for scheme in EXACT:
+            names = {p.name for p in scheme.parameters}
+            params = {"d": number % 3 + 1, "h": 1} if {"d", "h"} <= names else {}
+            tracer = tracers.make(scheme.name, tree, params)
+            assert_same(tree, scheme.name, params, tracer, rays, expected)
 
 
 class Planted:
