@@ -8,7 +8,6 @@ from pathlib import Path
 
 from generators import FAMILIES, synthesize
 from harness import UserError
-from harness.openscad import OpenScadError
 
 EXAMPLES = """\
 examples:
@@ -39,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         synthesize(asked.family, asked.halfspaces, asked.seed, asked.output)
-    except (UserError, OpenScadError, OSError) as error:
+    except (UserError, OSError) as error:
         print(error, file=sys.stderr)
         return 2
     return 0

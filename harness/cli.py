@@ -51,7 +51,7 @@ def _one_line_errors() -> Iterator[None]:
 
     try:
         yield
-    except (UserError, tracers.ModelError, RuntimeError, OSError) as error:
+    except (UserError, tracers.ModelError, OSError) as error:
         err.print(" ".join(str(error).split()), style="red", markup=False)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:

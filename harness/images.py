@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from harness import UserError
 from harness.atomic import replacing
 
 _EPOCH = "1970:01:01 00:00:00"  # in every file: its bytes depend on the pixels alone
 
 
-class ImageError(RuntimeError):
+class ImageError(UserError):
     """A picture that cannot be read or written; one line, with the path."""
 
 

@@ -18,7 +18,7 @@ from harness.worker import utc_now
 
 SOURCES = {".cpp", ".hpp", ".def"}
 PROGRAMS = {"openscad": "--version", "povray": "--version"}
-PACKAGES = ("numpy", "matplotlib", "OpenImageIO", "manifold3d")
+PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "manifold3d")
 
 
 def session(study: str, seed: int) -> Session:

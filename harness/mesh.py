@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 from manifold3d import CrossSection, Error, Manifold, OpType
 
-from harness import RESULTS
+from harness import RESULTS, UserError
 from harness.atomic import replacing
 from harness.nary import DIFFERENCE, INTERSECTION, LEAF, UNION, operands
 
 _OP_TYPES = {UNION: OpType.Add, INTERSECTION: OpType.Intersect, DIFFERENCE: OpType.Subtract}
 
 
-class MeshError(RuntimeError):
+class MeshError(UserError):
     """A tree that has no mesh; one line."""
 
 

@@ -49,12 +49,16 @@ def from_file(path: Path) -> tuple[tracers.CsgTree, Scene]:
 
 
 def build(scheme: str, of: tracers.CsgTree, params: Params) -> tuple[tracers.Tracer, Mesh | None]:
-    """A scheme's structure, and the mesh if it traces one. ValueError if it refuses."""
-    if not catalogue()[scheme].needs_mesh:
-        return tracers.make(scheme, of, params), None
-    mesh = _mesh(of, params["segments"])
-    arrays = mesh.vertices, mesh.triangles, mesh.leaf_of_triangle
-    return tracers.make(scheme, of, params, arrays), mesh
+    """A scheme's structure, and the mesh if it traces one.
+
+    ValueError if the scheme does not support the model, UserError if the structure is too large.
+    """
+    mesh = _mesh(of, params["segments"]) if catalogue()[scheme].needs_mesh else None
+    arrays = mesh and (mesh.vertices, mesh.triangles, mesh.leaf_of_triangle)
+    try:
+        return tracers.make(scheme, of, params, arrays), mesh
+    except RuntimeError as error:
+        raise UserError(f"{scheme}: {error}") from None
 
 
 @cache

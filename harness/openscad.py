@@ -12,10 +12,11 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from harness import UserError
 from harness.atomic import replacing
 
 
-class OpenScadError(RuntimeError):
+class OpenScadError(UserError):
     """One line: what OpenSCAD refused, with file and line where it names them."""
 
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from harness import UserError
 from harness.nary import DIFFERENCE, INTERSECTION, LEAF, UNION, operands
 
 CODES = 65535  # highest code of a 16-bit channel
@@ -19,7 +20,7 @@ _REACH_MAX = 1e5  # scaled distance from the eye to the model's far end
 _NESTING_MAX = 5000  # POV-Ray recurses: 10,000 nested operators pass, 40,000 crash it
 
 
-class PovrayError(RuntimeError):
+class PovrayError(UserError):
     """A reference that POV-Ray cannot give; one line, with POV-Ray's own message."""
 
 

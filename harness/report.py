@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -23,7 +21,7 @@ GENERATED = ROOT / "paper" / "generated"
 
 
 def load_study(name: str) -> study.Study:
-    return study.load(study.find(name), catalogue())
+    return study.load(study.find(name))
 
 
 def load(name: str, folder: Path) -> tuple[Results, Results, Path]:
@@ -72,7 +70,7 @@ def write_tables(paper: Results, grid: Results, folder: Path) -> Path:
         (each / f"{table.name}.tex").write_text(table.latex())
     (each / "values.tex").write_text(_values(tables))
     (folder / "tables.md").write_text(_document(tables, paper))
-    _write_rows(folder / "trials.csv", paper)
+    paper.rows.to_csv(folder / "trials.csv", index=False, lineterminator="\n")
     if (paper.study.name, folder) == ("paper", RESULTS):
         _copy(each.glob("*.tex"), each, GENERATED)
     return folder / "tables.md"
@@ -108,21 +106,6 @@ def _values(tables: list[Table]) -> str:
         for path, value in table.values()
     ]
     return "\n".join([*lines, ""])
-
-
-def _write_rows(path: Path, results: Results) -> None:
-    """The raw rows that the tables are made from."""
-    rows = [row for result in results.tabled for row in result.rows]
-    if not rows:
-        return
-    rows = [
-        {name: json.dumps(v) if isinstance(v, dict) else v for name, v in row.items()}
-        for row in sorted(rows, key=lambda row: row["started_utc"])
-    ]
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 def publish(folder: Path, target: Path) -> None:

@@ -8,17 +8,20 @@ failed against the POV-Ray reference is left out altogether.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
+
+import pandas as pd
 
 from harness.statistics import Estimate, estimate
 from harness.store import Store
 from harness.study import Configuration, Study
 
-Row = dict[str, Any]
+# What all exact schemes must agree on: the model as seen, at a size.
+_PICTURE = ["model_hash", "width", "height"]
+_CONFIGURATION = ["model", "scheme", "params", "width", "height", "shape"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Result:
     configuration: Configuration
     status: str  # ok | not run | unsupported | timeout | error | wrong | refused
     reason: str
-    rows: list[Row] = field(repr=False)  # the repeats that went well, as stored
+    rows: pd.DataFrame = field(repr=False)  # of the store: a row a repeat; none unless ok
 
     @property
     def ok(self) -> bool:
@@ -49,39 +52,34 @@ class Result:
     @property
     def rays(self) -> int:
         """Primary and shadow rays of the picture."""
-        return self.rows[0]["rays"]
+        return int(self.rows["rays"].iat[0])
 
     @property
     def structure_bytes(self) -> int:
-        return self.rows[0]["structure_bytes"]
+        return int(self.rows["structure_bytes"].iat[0])
 
     @cached_property
     def counters(self) -> dict[str, int]:
         """Of one picture; empty if repeat 0 has no row."""
-        return next((row["counters"] for row in self.rows if row["counters"]), {})
+        return next(map(json.loads, self.rows["counters"].dropna()), {})
 
     @cached_property
     def build_s(self) -> Estimate:
-        return estimate([row["build_s"] for row in self.rows])
+        return estimate(self.rows["build_s"])
 
     @cached_property
     def trace_s(self) -> Estimate:
-        return estimate([row["trace_s"] for row in self.rows])
+        return estimate(self.rows["trace_s"])
 
     @cached_property
     def total_s(self) -> Estimate:
-        return estimate([row["build_s"] + row["trace_s"] for row in self.rows])
+        return estimate(self.rows["build_s"] + self.rows["trace_s"])
 
 
-def paired(a: Result, b: Result, key: str) -> tuple[list[float], list[float]]:
+def paired(a: Result, b: Result, key: str) -> tuple[pd.Series, pd.Series]:
     """The values of two results that were measured in the same round of the same session."""
-    by_round = {(row["session"], row["repeat"]): row[key] for row in b.rows}
-    pairs = [
-        (row[key], by_round[row["session"], row["repeat"]])
-        for row in a.rows
-        if (row["session"], row["repeat"]) in by_round
-    ]
-    return [p[0] for p in pairs], [p[1] for p in pairs]
+    pairs = a.rows.merge(b.rows, on=["session", "repeat"], suffixes=("_a", "_b"))
+    return pairs[f"{key}_a"], pairs[f"{key}_b"]
 
 
 @dataclass(frozen=True)
@@ -92,8 +90,8 @@ class Results:
     all: list[Result]
     inexact: Collection[str]  # the schemes whose picture may differ
     unchecked: list[str]  # models whose picture was compared with no reference
-    checks: list[Row]  # the verdict on each picture that was compared
-    sessions: list[Row]  # a row of each session that contributed, oldest first
+    checks: list[dict[str, Any]]  # the verdict on each picture that was compared
+    rows: pd.DataFrame  # all that is tabled, as stored, oldest first
 
     @property
     def tabled(self) -> list[Result]:
@@ -118,72 +116,52 @@ def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
     """Read and judge the rows of a study: those of the newest code and, for each model, of its
     newest form."""
     rows = store.records()
-    newest = rows[-1]["code_version"] if rows else None
-    rows = [row for row in rows if row["code_version"] == newest]
-    model_hashes = {row["model"]: row["model_hash"] for row in rows}
-    rows = [row for row in rows if row["model_hash"] == model_hashes[row["model"]]]
-    agreed = _agreed_pictures(rows, inexact)
-    checks = {_picture(check): check for check in store.checks()}
+    rows = rows[rows["code_version"].isin(rows["code_version"].tail(1))]
+    rows = rows[rows["model_hash"] == rows.groupby("model")["model_hash"].transform("last")]
+    model_hashes = dict(zip(rows["model"], rows["model_hash"], strict=True))
+    checks = {tuple(check[key] for key in _PICTURE): check for check in store.checks()}
 
-    by_configuration: dict[tuple, dict[int, Row]] = {}
-    for row in rows:  # oldest first: of several attempts at a repeat the last stays
-        by_configuration.setdefault(_key(row), {})[row["repeat"]] = row
-
-    results, used = [], {}
-    for configuration in study.configurations:
-        repeats = by_configuration.get(_key(vars(configuration)), {})
-        result = _judge(configuration, list(repeats.values()), agreed, checks, inexact)
-        used |= {row["session"]: row for row in result.rows}
-        results.append(result)
-    unchecked = {r.model for r in results if r.ok and _picture(r.rows[0]) not in checks}
-    sessions = sorted(used.values(), key=lambda row: row["session_started_utc"])
+    judged = _with_wrong_pictures(rows, inexact)
+    # Of several attempts at a repeat the last counts.
+    judged = judged.drop_duplicates([*_CONFIGURATION, "repeat"], keep="last")
+    repeats = dict(iter(judged.groupby(_CONFIGURATION)))
+    results = [
+        _judge(c, repeats.get(tuple(getattr(c, key) for key in _CONFIGURATION), rows[:0]), checks)
+        for c in study.configurations
+    ]
     pictures = {(model_hashes.get(m), width, height) for m, width, height in study.pictures}
     verdicts = [check for picture, check in checks.items() if picture in pictures]
-    return Results(study, results, inexact, sorted(unchecked), verdicts, sessions)
+    unchecked = {r.model for r in results if r.ok and _picture(r.rows) not in checks}
+    tabled = pd.concat([rows[:0], *(r.rows for r in results)]).sort_index()
+    return Results(study, results, inexact, sorted(unchecked), verdicts, tabled)
 
 
-def _key(row: Row) -> tuple:
-    return tuple(row[k] for k in ("model", "scheme", "params", "width", "height", "shape"))
+def _picture(rows: pd.DataFrame) -> tuple:
+    return tuple(rows[_PICTURE].iloc[0])
 
 
-def _picture(row: Row) -> tuple:
-    """What all exact schemes must agree on: the model as seen, at a size."""
-    return row["model_hash"], row["width"], row["height"]
+def _with_wrong_pictures(rows: pd.DataFrame, inexact: Collection[str]) -> pd.DataFrame:
+    """The rows, where those of an exact scheme with another picture than naive's are "wrong"."""
+    rows = rows.copy()
+    exact = rows[(rows["status"] == "ok") & ~rows["scheme"].isin(inexact)]
+    for _, same in exact.groupby(_PICTURE):
+        naive = same[same["scheme"] == "naive"]
+        votes, whose = (same, "most") if naive.empty else (naive, "naive")
+        right = votes["picture_hash"].mode()[0]
+        wrong = same.loc[same["picture_hash"] != right, "picture_hash"]
+        rows.loc[wrong.index, "status"] = "wrong"
+        rows.loc[wrong.index, "reason"] = "picture " + wrong + f" where {whose} has {right}"
+    return rows
 
 
-def _agreed_pictures(rows: list[Row], inexact: Collection[str]) -> dict[tuple, tuple[str, str]]:
-    """For each picture, the hash that is held to be right and whose it is."""
-    exact = [row for row in rows if row["status"] == "ok" and row["scheme"] not in inexact]
-    votes: dict[tuple, Counter[str]] = {}
-    for row in exact:
-        votes.setdefault(_picture(row), Counter())[row["picture_hash"]] += 1
-    agreed = {key: (count.most_common(1)[0][0], "most") for key, count in votes.items()}
-    brute_force = [row for row in exact if row["scheme"] == "naive"]
-    return agreed | {_picture(row): (row["picture_hash"], "naive") for row in brute_force}
-
-
-def _judge(
-    configuration: Configuration,
-    rows: list[Row],
-    agreed: dict[tuple, tuple[str, str]],
-    checks: dict[tuple, Row],
-    inexact: Collection[str],
-) -> Result:
-    good = Result(configuration, "ok", "", sorted(rows, key=lambda row: row["repeat"]))
-
-    def bad(status: str, reason: str) -> Result:
-        return replace(good, status=status, reason=reason, rows=[])
-
-    if not rows:
-        return bad("not run", "")
-    for row in rows:
-        if row["status"] != "ok":
-            return bad(row["status"], row["reason"])
-        expected, whose = agreed.get(_picture(row), ("", ""))
-        if configuration.scheme not in inexact and row["picture_hash"] != expected:
-            found = row["picture_hash"]
-            return bad("wrong", f"picture {found} where {whose} has {expected}")
-    check = checks.get(_picture(rows[0]))
+def _judge(configuration: Configuration, rows: pd.DataFrame, checks: dict[tuple, dict]) -> Result:
+    if rows.empty:
+        return Result(configuration, "not run", "", rows)
+    bad = rows[rows["status"] != "ok"]
+    if not bad.empty:
+        return Result(configuration, bad["status"].iat[0], bad["reason"].iat[0], rows[:0])
+    check = checks.get(_picture(rows))
     if check and not check["passed"]:
-        return bad("refused", f"against {check['reference']}: {check['reason']}")
-    return good
+        reason = f"against {check['reference']}: {check['reason']}"
+        return Result(configuration, "refused", reason, rows[:0])
+    return Result(configuration, "ok", "", rows.sort_values("repeat"))

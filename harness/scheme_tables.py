@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from harness import statistics
 from harness.results import Result, Results, paired
 from harness.table import Column, Table, integer, megabytes, milliseconds, number, scientific
@@ -137,12 +139,14 @@ def machine(results: Results) -> Table:
     def note(name: str, value: object) -> None:
         facts.setdefault(name, {})[str(value)] = None
 
-    for session in results.sessions:
+    sessions = results.rows.drop_duplicates("session").sort_values("session_started_utc")
+    for session in sessions.to_dict("records"):
+        about = json.loads(session["machine"])
         for name in ("cpu", "cores", "memory_bytes", "system", "kernel"):
-            note(name, session["machine"].get(name))
+            note(name, about.get(name))
         for name in ("compiler", "flags", "git_commit", "code_version"):
             note(name, session[name])
-        for name, version in session["versions"].items():
+        for name, version in json.loads(session["versions"]).items():
             note(name, version)
         note("started_utc", session["session_started_utc"][:19])
     rows = [[name, "; ".join(values)] for name, values in facts.items()]

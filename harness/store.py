@@ -14,9 +14,12 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from harness import UserError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 VERSION = 1
 
@@ -177,20 +180,18 @@ class Store:
         rows = self._db.execute(query, list(code_versions))
         return {Trial(**{name: row[name] for name in _names(Trial)}): row for row in rows}
 
-    def records(self) -> list[dict[str, Any]]:
-        """All trials with their sessions, oldest first; JSON columns are read."""
-        return self._read("SELECT * FROM records ORDER BY started_utc", Outcome, Session)
+    def records(self) -> pd.DataFrame:
+        """All trials with their sessions, oldest first; dictionaries stay JSON."""
+        import pandas as pd  # here, for the worker imports this module and must stay small
+
+        # Nullable types: a column of integers stays one where something was not measured.
+        query = "SELECT * FROM records ORDER BY started_utc"
+        return pd.read_sql_query(query, self._db, dtype_backend="numpy_nullable")
 
     def checks(self) -> list[dict[str, Any]]:
         """All comparisons with references, oldest first."""
-        return self._read("SELECT * FROM checks ORDER BY rowid", Check)
-
-    def _read(self, query: str, *kinds: type) -> list[dict[str, Any]]:
-        structured = [f.name for k in kinds for f in dataclasses.fields(k) if "dict" in f.type]
-        rows = [dict(row) for row in self._db.execute(query)]
-        for row in rows:
-            row |= {name: json.loads(row[name]) for name in structured if row[name] is not None}
-        return rows
+        rows = map(dict, self._db.execute("SELECT * FROM checks ORDER BY rowid"))
+        return [row | {"figures": json.loads(row["figures"])} for row in rows]
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from harness import ROOT, UserError
-from harness.schemes import Catalogue, Params, canonical, complete
+from harness.schemes import Params, canonical, complete
 
 FOLDER = ROOT / "harness" / "sweeps"
 SHAPES = ("as_written", "balanced")
@@ -85,7 +85,7 @@ def find(name: str) -> Path:
     return path
 
 
-def load(path: Path, known: Catalogue) -> Study:
+def load(path: Path) -> Study:
     """Read a study; anything wrong is a UserError with the file and the key."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -111,7 +111,7 @@ def load(path: Path, known: Catalogue) -> Study:
             models, schemes, _parameter_sets(path, where, run)
         ):
             try:
-                params = canonical(complete(known, scheme, given))
+                params = canonical(complete(scheme, given))
             except UserError as error:
                 raise UserError(f"{path}: {where}{error}") from None
             configuration = Configuration(model, scheme, params, **settings)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
+
+import pandas as pd
 
 from harness.statistics import Estimate
 
@@ -41,23 +41,17 @@ class Table:
 
     def csv(self) -> str:
         """Unrounded, in SI units; an estimate takes four columns."""
-        file = io.StringIO()
-        writer = csv.writer(file, lineterminator="\n")
-        estimated = [any(isinstance(row[i], Estimate) for row in self.rows) for i in self._range()]
-        header: list[str] = []
-        for column, is_estimate in zip(self.columns, estimated, strict=True):
-            parts = ("", "_low", "_high", "_n") if is_estimate else ("",)
-            header += [column.key + part for part in parts]
-        writer.writerow(header)
-        for row in self.rows:
-            cells: list[Any] = []
-            for value, is_estimate in zip(row, estimated, strict=True):
-                if isinstance(value, Estimate):
-                    cells += [value.median, value.low, value.high, value.n]
-                else:
-                    cells += [value, "", "", ""] if is_estimate else [value]
-            writer.writerow("" if _is_nothing(cell) else cell for cell in cells)
-        return file.getvalue()
+        cells: dict[str, list] = {}
+        for i, column in enumerate(self.columns):
+            values = [row[i] for row in self.rows]
+            if any(isinstance(value, Estimate) for value in values):
+                for part in ("median", "low", "high", "n"):
+                    key = column.key if part == "median" else f"{column.key}_{part}"
+                    cells[key] = [getattr(value, part, None) for value in values]
+            else:
+                cells[column.key] = values
+        # As objects, so that no column of integers with a gap in it turns into floats.
+        return pd.DataFrame(cells, dtype=object).to_csv(index=False, lineterminator="\n")
 
     def latex(self) -> str:
         """A tabular with booktabs rules; the caption is the paper's business."""
@@ -81,9 +75,6 @@ class Table:
                     yield f"{path}/high", _show(column, value.high)
                 else:
                     yield path, _show(column, value)
-
-    def _range(self) -> range:
-        return range(len(self.columns))
 
     def _shown(self) -> list[list[str]]:
         return [

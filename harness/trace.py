@@ -27,7 +27,7 @@ def trace(
 ) -> None:
     """Trace, write `output` if it is asked for, and print times, memory and counters."""
     known = catalogue()
-    params = parse_settings(known, scheme, settings)
+    params = parse_settings(scheme, settings)
     width, height = parse_size(size)
     if output and output.suffix.lower() not in (".png", ".exr"):
         raise UserError(f"{output}: a picture is written as .png or .exr")

@@ -9,7 +9,7 @@ import json
 
 import numpy as np
 
-from harness import models
+from harness import UserError, models
 from harness.machine import code_version
 from harness.store import Outcome, Trial
 from harness.study import Configuration
@@ -33,6 +33,8 @@ def run(trial: Trial) -> Outcome:
         tracer, mesh = models.build(trial.scheme, tree, json.loads(trial.params))
     except ValueError as error:  # tracers.ModelError is one
         return Outcome("unsupported", str(error))
+    except UserError as error:
+        return Outcome("error", str(error))
     view = models.scene(trial.model).view(trial.width, trial.height)
     picture = tracer.render(view)
     counted = tracer.render(view, count=True) if trial.repeat == 0 else None

@@ -125,6 +125,7 @@ def main() -> None:
     _limit_memory()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a trial prints is not an answer
+    sys.stdout.reconfigure(line_buffering=True)  # and stands before its last words
     module, _, function = sys.argv[1].partition(":")
     run: RunTrial = getattr(importlib.import_module(module), function)
     for line in sys.stdin:

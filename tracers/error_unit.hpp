@@ -46,9 +46,7 @@ inline double tie_band(const Vec3& origin, double dir_length, double size) {
 }
 
 /// The band at a surface whose normal is at an angle with this |cosine| to the ray.
-inline double tie_band_at(double band, double cosine) {
-  return band / std::max(std::fabs(cosine), kMinCosine);
-}
+inline double tie_band_at(double band, double cosine) { return band / std::max(std::fabs(cosine), kMinCosine); }
 
 /// How far off the surface a shadow ray starts, in model units: 16·band·|d|.
 inline double shadow_offset(double band, double dir_length) { return 16 * band * dir_length; }

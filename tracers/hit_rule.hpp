@@ -79,9 +79,8 @@ class BoundarySearch {
     state.reset(tree);
     for (const std::uint32_t node : scratch_.started_inside) state.toggle(node, work_);
     pass_constant(state.inside());
-    std::sort(events.begin(), events.end(), [](const Crossing& a, const Crossing& b) {
-      return a.t < b.t || (a.t == b.t && a.leaf < b.leaf);
-    });
+    std::sort(events.begin(), events.end(),
+              [](const Crossing& a, const Crossing& b) { return a.t < b.t || (a.t == b.t && a.leaf < b.leaf); });
 
     const std::size_t count = events.size();
     for (std::size_t first = 0; first < count;) {

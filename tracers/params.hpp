@@ -16,8 +16,8 @@ struct ParamSpec {
   std::string name;
   std::string meaning;
   ParamValue default_value;
-  long minimum = 0, maximum = 0;       ///< of an int
-  std::vector<std::string> choices{};    ///< of a choice
+  long minimum = 0, maximum = 0;           ///< of an int
+  std::vector<std::string> choices{};      ///< of a choice
   std::vector<ParamValue> trial_values{};  ///< what the conformance suite tries
 };
 
@@ -41,7 +41,7 @@ class Params {
 struct SchemeInfo {
   std::string name;
   std::string title;
-  bool exact = true;        ///< same leaf and same bits of t as naive, for every ray
+  bool exact = true;  ///< same leaf and same bits of t as naive, for every ray
   bool needs_mesh = false;
   std::vector<ParamSpec> params{};
   std::unique_ptr<Tracer> (*make)(std::shared_ptr<const CsgTree>, const Params&) = nullptr;

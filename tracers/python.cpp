@@ -34,9 +34,7 @@ Vec3 vec(const Triple& v) { return {v[0], v[1], v[2]}; }
 
 class Stopwatch {
  public:
-  double seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
 
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -95,7 +93,8 @@ std::shared_ptr<CsgTree> build_tree(const std::vector<std::string>& kinds, const
   std::vector<csg::Node> nodes(operators.shape(0));
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const std::int32_t* row = operators.data() + 3 * i;
-    if (row[0] < 0 || row[0] > 3) throw std::invalid_argument("operators are 0 leaf, 1 union, 2 intersection, 3 difference");
+    if (row[0] < 0 || row[0] > 3)
+      throw std::invalid_argument("operators are 0 leaf, 1 union, 2 intersection, 3 difference");
     nodes[i] = {static_cast<csg::Op>(row[0]), row[1], row[2]};
   }
   return std::make_shared<CsgTree>(std::move(leaves), std::move(nodes));
@@ -198,7 +197,8 @@ std::map<std::string, std::string> machine() {
     const RTCDevice device = rtcNewDevice(nullptr);
     const ssize_t number = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION);
     rtcReleaseDevice(device);
-    return std::to_string(number / 10000) + "." + std::to_string(number / 100 % 100) + "." + std::to_string(number % 100);
+    return std::to_string(number / 10000) + "." + std::to_string(number / 100 % 100) + "." +
+           std::to_string(number % 100);
   };
   return {{"compiler", COMPILER}, {"flags", FLAGS}, {"embree", embree_version()}};
 }
@@ -219,39 +219,60 @@ NB_MODULE(tracers, m) {
       .def_prop_ro("warnings", &CsgTree::warnings)
       .def_prop_ro("size", &CsgTree::size)
       .def_prop_ro("bytes", &CsgTree::bytes)
-      .def_prop_ro("bounds", [](const CsgTree& t) { return copied(std::vector<Vec3>{t.bounds().lo, t.bounds().hi}, {2, 3}); },
-                   "(2, 3) float64: corners of the solid's S-bound, model units")
-      .def_prop_ro("kinds", [](const CsgTree& t) {
-        std::vector<std::string> names;
-        for (const csg::Leaf& leaf : t.leaves()) names.emplace_back(kKindNames[static_cast<std::size_t>(leaf.kind)]);
-        return names;
-      })
-      .def_prop_ro("sizes", [](const CsgTree& t) {
-        return array<double>({t.leaves().size(), 3}, [&](double* out) {
-          for (const csg::Leaf& leaf : t.leaves()) out = std::copy_n(leaf.size, 3, out);
-        });
-      }, "(n, 3) float64")
+      .def_prop_ro(
+          "bounds", [](const CsgTree& t) { return copied(std::vector<Vec3>{t.bounds().lo, t.bounds().hi}, {2, 3}); },
+          "(2, 3) float64: corners of the solid's S-bound, model units")
+      .def_prop_ro("kinds",
+                   [](const CsgTree& t) {
+                     std::vector<std::string> names;
+                     for (const csg::Leaf& leaf : t.leaves())
+                       names.emplace_back(kKindNames[static_cast<std::size_t>(leaf.kind)]);
+                     return names;
+                   })
+      .def_prop_ro(
+          "sizes",
+          [](const CsgTree& t) {
+            return array<double>({t.leaves().size(), 3}, [&](double* out) {
+              for (const csg::Leaf& leaf : t.leaves()) out = std::copy_n(leaf.size, 3, out);
+            });
+          },
+          "(n, 3) float64")
       .def_prop_ro("matrices", &matrices_of, "(n, 3, 4) float64, world from local")
-      .def_prop_ro("colors", [](const CsgTree& t) {
-        return array<float>({t.leaves().size(), 3}, [&](float* out) {
-          for (const csg::Leaf& leaf : t.leaves())
-            for (const float channel : leaf.color) *out++ = leaf.has_color ? channel : std::numeric_limits<float>::quiet_NaN();
-        });
-      }, "(n, 3) float32, NaN where the source gives none")
-      .def_prop_ro("operators", [](const CsgTree& t) {
-        return array<std::int32_t>({t.nodes().size(), 3}, [&](std::int32_t* out) {
-          for (const csg::Node& node : t.nodes()) *out++ = static_cast<int>(node.op), *out++ = node.left, *out++ = node.right;
-        });
-      }, "(nodes, 3) int32: operator, left, right")
-      .def("scaled", [](const CsgTree& t, int exponent) { return std::make_shared<CsgTree>(t.scaled(exponent)); },
-           "exponent"_a, "The model in units 2**exponent times as large.");
+      .def_prop_ro(
+          "colors",
+          [](const CsgTree& t) {
+            return array<float>({t.leaves().size(), 3}, [&](float* out) {
+              for (const csg::Leaf& leaf : t.leaves())
+                for (const float channel : leaf.color)
+                  *out++ = leaf.has_color ? channel : std::numeric_limits<float>::quiet_NaN();
+            });
+          },
+          "(n, 3) float32, NaN where the source gives none")
+      .def_prop_ro(
+          "operators",
+          [](const CsgTree& t) {
+            return array<std::int32_t>({t.nodes().size(), 3}, [&](std::int32_t* out) {
+              for (const csg::Node& node : t.nodes())
+                *out++ = static_cast<int>(node.op), *out++ = node.left, *out++ = node.right;
+            });
+          },
+          "(nodes, 3) int32: operator, left, right")
+      .def(
+          "scaled", [](const CsgTree& t, int exponent) { return std::make_shared<CsgTree>(t.scaled(exponent)); },
+          "exponent"_a, "The model in units 2**exponent times as large.");
 
-  m.def("load_csg", [](const std::string& path, const std::string& shape) {
-    return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape)));
-  }, "path"_a, "shape"_a = "as_written", "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`.");
-  m.def("parse_csg", [](const std::string& text, const std::string& name, const std::string& shape) {
-    return std::make_shared<CsgTree>(csg::parse_csg(text, name, shape_named(shape)));
-  }, "text"_a, "name"_a = "<text>", "shape"_a = "as_written");
+  m.def(
+      "load_csg",
+      [](const std::string& path, const std::string& shape) {
+        return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape)));
+      },
+      "path"_a, "shape"_a = "as_written", "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`.");
+  m.def(
+      "parse_csg",
+      [](const std::string& text, const std::string& name, const std::string& shape) {
+        return std::make_shared<CsgTree>(csg::parse_csg(text, name, shape_named(shape)));
+      },
+      "text"_a, "name"_a = "<text>", "shape"_a = "as_written");
 
   nb::class_<csg::ParamSpec>(m, "Parameter")
       .def_ro("name", &csg::ParamSpec::name)
@@ -271,70 +292,118 @@ NB_MODULE(tracers, m) {
   m.def("schemes", &csg::schemes, nb::rv_policy::reference, "All schemes of schemes.def.");
 
   nb::class_<csg::View>(m, "View", "A pinhole camera, point lights and matte shading.")
-      .def("__init__", [](csg::View* view, const Triple& eye, const Triple& look_at, const Triple& up, double fov_deg,
-                          int width, int height, const std::vector<std::array<double, 6>>& lights, const Triple& ambient,
-                          const Triple& background, const Triple& albedo) {
-        std::vector<csg::Light> all;
-        for (const auto& l : lights) all.push_back({{l[0], l[1], l[2]}, {l[3], l[4], l[5]}});
-        csg::View made{vec(eye), vec(look_at), vec(up), fov_deg, width, height, all, vec(ambient), vec(background), vec(albedo)};
-        csg::Camera check(made);
-        new (view) csg::View(std::move(made));
-      }, "eye"_a, "look_at"_a, "up"_a, "fov_deg"_a, "width"_a, "height"_a, "lights"_a, "ambient"_a, "background"_a, "albedo"_a)
+      .def(
+          "__init__",
+          [](csg::View* view, const Triple& eye, const Triple& look_at, const Triple& up, double fov_deg, int width,
+             int height, const std::vector<std::array<double, 6>>& lights, const Triple& ambient,
+             const Triple& background, const Triple& albedo) {
+            std::vector<csg::Light> all;
+            for (const auto& l : lights) all.push_back({{l[0], l[1], l[2]}, {l[3], l[4], l[5]}});
+            csg::View made{vec(eye), vec(look_at), vec(up),      fov_deg,         width,
+                           height,   all,          vec(ambient), vec(background), vec(albedo)};
+            csg::Camera check(made);
+            new (view) csg::View(std::move(made));
+          },
+          "eye"_a, "look_at"_a, "up"_a, "fov_deg"_a, "width"_a, "height"_a, "lights"_a, "ambient"_a, "background"_a,
+          "albedo"_a)
       .def_ro("width", &csg::View::width)
       .def_ro("height", &csg::View::height)
-      .def("primary_rays", [](const csg::View& view) {
-        const csg::Camera camera(view);
-        const auto rows = static_cast<std::size_t>(view.height), columns = static_cast<std::size_t>(view.width);
-        return array<double>({rows * columns, 8}, [&](double* out) {
-          for (int row = 0; row < view.height; ++row)
-            for (int column = 0; column < view.width; ++column, out += 8) {
-              const csg::Ray ray = camera.ray(column, row);
-              std::memcpy(out, &ray, sizeof ray);
-            }
-        });
-      }, "(height * width, 8) float64, row by row from the top: origin, unit direction, t_min, t_max");
+      .def(
+          "primary_rays",
+          [](const csg::View& view) {
+            const csg::Camera camera(view);
+            const auto rows = static_cast<std::size_t>(view.height), columns = static_cast<std::size_t>(view.width);
+            return array<double>({rows * columns, 8}, [&](double* out) {
+              for (int row = 0; row < view.height; ++row)
+                for (int column = 0; column < view.width; ++column, out += 8) {
+                  const csg::Ray ray = camera.ray(column, row);
+                  std::memcpy(out, &ray, sizeof ray);
+                }
+            });
+          },
+          "(height * width, 8) float64, row by row from the top: origin, unit direction, t_min, t_max");
 
   nb::class_<Hits>(m, "Hits")
-      .def_prop_ro("t", [](const Hits& h) {
-        return array<double>({h.hits.size()}, [&](double* out) { for (const auto& hit : h.hits) *out++ = hit.t; });
-      }, "(N,) float64, +inf for a miss")
-      .def_prop_ro("normal", [](const Hits& h) {
-        return array<double>({h.hits.size(), 3}, [&](double* out) {
-          for (const auto& hit : h.hits) *out++ = hit.normal.x, *out++ = hit.normal.y, *out++ = hit.normal.z;
-        });
-      }, "(N, 3) float64, out of the solid")
-      .def_prop_ro("leaf", [](const Hits& h) {
-        return array<std::int32_t>({h.hits.size()}, [&](std::int32_t* out) { for (const auto& hit : h.hits) *out++ = hit.leaf; });
-      }, "(N,) int32, -1 for a miss")
+      .def_prop_ro(
+          "t",
+          [](const Hits& h) {
+            return array<double>({h.hits.size()}, [&](double* out) {
+              for (const auto& hit : h.hits) *out++ = hit.t;
+            });
+          },
+          "(N,) float64, +inf for a miss")
+      .def_prop_ro(
+          "normal",
+          [](const Hits& h) {
+            return array<double>({h.hits.size(), 3}, [&](double* out) {
+              for (const auto& hit : h.hits) *out++ = hit.normal.x, *out++ = hit.normal.y, *out++ = hit.normal.z;
+            });
+          },
+          "(N, 3) float64, out of the solid")
+      .def_prop_ro(
+          "leaf",
+          [](const Hits& h) {
+            return array<std::int32_t>({h.hits.size()}, [&](std::int32_t* out) {
+              for (const auto& hit : h.hits) *out++ = hit.leaf;
+            });
+          },
+          "(N,) int32, -1 for a miss")
       .def_ro("trace_s", &Hits::trace_s)
       .def_prop_ro("counters", [](const Hits& h) { return as_map(h.counters); });
 
   nb::class_<TimedPicture>(m, "Picture")
-      .def_prop_ro("rgb", [](const TimedPicture& p) {
-        return copied(p.picture.rgb, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width), 3});
-      }, "(H, W, 3) float64, linear")
-      .def_prop_ro("normal", [](const TimedPicture& p) {
-        return copied(p.picture.normal, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width), 3});
-      }, "(H, W, 3) float64, out of the solid, 0 for a miss")
-      .def_prop_ro("depth", [](const TimedPicture& p) {
-        return copied(p.picture.depth, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
-      }, "(H, W) float64, +inf for a miss")
-      .def_prop_ro("leaf", [](const TimedPicture& p) {
-        return copied(p.picture.leaf, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
-      }, "(H, W) int32, -1 for a miss")
-      .def_prop_ro("lit", [](const TimedPicture& p) {
-        return copied(p.picture.lit, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
-      }, "(H, W) uint8: bit i is set where light i faces the surface and reaches it")
-      .def_prop_ro("cost", [](const TimedPicture& p) -> nb::object {
-        if (p.picture.cost.empty()) return nb::none();
-        return copied(p.picture.cost, {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
-      }, "(H, W) float64: primitives tested for the pixel; None unless rendered with cost=True")
+      .def_prop_ro(
+          "rgb",
+          [](const TimedPicture& p) {
+            return copied(p.picture.rgb,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width), 3});
+          },
+          "(H, W, 3) float64, linear")
+      .def_prop_ro(
+          "normal",
+          [](const TimedPicture& p) {
+            return copied(p.picture.normal,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width), 3});
+          },
+          "(H, W, 3) float64, out of the solid, 0 for a miss")
+      .def_prop_ro(
+          "depth",
+          [](const TimedPicture& p) {
+            return copied(p.picture.depth,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
+          },
+          "(H, W) float64, +inf for a miss")
+      .def_prop_ro(
+          "leaf",
+          [](const TimedPicture& p) {
+            return copied(p.picture.leaf,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
+          },
+          "(H, W) int32, -1 for a miss")
+      .def_prop_ro(
+          "lit",
+          [](const TimedPicture& p) {
+            return copied(p.picture.lit,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
+          },
+          "(H, W) uint8: bit i is set where light i faces the surface and reaches it")
+      .def_prop_ro(
+          "cost",
+          [](const TimedPicture& p) -> nb::object {
+            if (p.picture.cost.empty()) return nb::none();
+            return copied(p.picture.cost,
+                          {static_cast<std::size_t>(p.picture.height), static_cast<std::size_t>(p.picture.width)});
+          },
+          "(H, W) float64: primitives tested for the pixel; None unless rendered with cost=True")
       .def_prop_ro("rays", [](const TimedPicture& p) { return p.picture.rays; })
-      .def_prop_ro("hash", [](const TimedPicture& p) {
-        char text[17];
-        std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(p.picture.hash()));
-        return std::string(text);
-      }, "16 hex digits over the bits of depth, leaf and lit")
+      .def_prop_ro(
+          "hash",
+          [](const TimedPicture& p) {
+            char text[17];
+            std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(p.picture.hash()));
+            return std::string(text);
+          },
+          "16 hex digits over the bits of depth, leaf and lit")
       .def_ro("trace_s", &TimedPicture::trace_s)
       .def_prop_ro("counters", [](const TimedPicture& p) { return as_map(p.counters); });
 
@@ -343,30 +412,41 @@ NB_MODULE(tracers, m) {
       .def_prop_ro("bytes", [](const BuiltTracer& b) { return b.tracer->bytes(); })
       .def_prop_ro("facts", [](const BuiltTracer& b) { return b.tracer->facts(); })
       .def("trace", &trace, "rays"_a.noconvert(), "count"_a = false, "rays: (N, 8) float64, model units")
-      .def("occluded", [](const BuiltTracer& built, const RayRows& rows) {
-        const std::vector<csg::Ray> rays = rays_of(rows);
-        return array<std::uint8_t>({rays.size()}, [&](std::uint8_t* out) {
-          built.tracer->occluded(rays, {out, rays.size()}, nullptr);
-        });
-      }, "rays"_a.noconvert(), "(N,) uint8: 1 where trace() would hit")
+      .def(
+          "occluded",
+          [](const BuiltTracer& built, const RayRows& rows) {
+            const std::vector<csg::Ray> rays = rays_of(rows);
+            return array<std::uint8_t>(
+                {rays.size()}, [&](std::uint8_t* out) { built.tracer->occluded(rays, {out, rays.size()}, nullptr); });
+          },
+          "rays"_a.noconvert(), "(N,) uint8: 1 where trace() would hit")
       .def("render", &render, "view"_a, "count"_a = false, "cost"_a = false);
 
-  m.def("complete", [](const std::string& name, const std::map<std::string, csg::ParamValue>& given) {
-    return csg::Params(name, csg::scheme(name).params, given).values();
-  }, "name"_a, "params"_a, "All parameters of a scheme: those given, checked, and the others' defaults. Raises ValueError.");
+  m.def(
+      "complete",
+      [](const std::string& name, const std::map<std::string, csg::ParamValue>& given) {
+        return csg::Params(name, csg::scheme(name).params, given).values();
+      },
+      "name"_a, "params"_a,
+      "All parameters of a scheme: those given, checked, and the others' defaults. Raises ValueError.");
   m.def("make", &make, "name"_a, "tree"_a, "params"_a = std::map<std::string, csg::ParamValue>{}, "mesh"_a = nb::none(),
-        "Builds a scheme's structure. mesh: (vertices (V, 3) float64, triangles (T, 3) uint32, leaf of each (T,) int32).");
-  m.def("audit_classes", [](const CsgTree& tree, const RayRows& cells, const RayRows& rows) {
-    std::vector<csg::Box> boxes;
-    for (std::size_t i = 0; i < cells.shape(0); ++i) {
-      const double* c = cells.data() + 8 * i;
-      boxes.push_back({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}});
-    }
-    if (cells.shape(0) != rows.shape(0)) throw std::invalid_argument("audit_classes: one cell a ray");
-    const csg::AuditResult result = csg::audit_classes(tree, boxes, rays_of(rows));
-    return std::make_tuple(result.constants, result.violations);
-  }, "tree"_a, "cells"_a.noconvert(), "rays"_a.noconvert(),
-     "(leaves called Empty or Full, those not constant along the ray), over pairs of a cell (N, 8: lo, hi, unused) and "
-     "a ray (N, 8). The premise of all pruning; the second number must be 0.");
+        "Builds a scheme's structure. mesh: (vertices (V, 3) float64, triangles (T, 3) uint32, leaf of each (T,) "
+        "int32).");
+  m.def(
+      "audit_classes",
+      [](const CsgTree& tree, const RayRows& cells, const RayRows& rows) {
+        std::vector<csg::Box> boxes;
+        for (std::size_t i = 0; i < cells.shape(0); ++i) {
+          const double* c = cells.data() + 8 * i;
+          boxes.push_back({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}});
+        }
+        if (cells.shape(0) != rows.shape(0)) throw std::invalid_argument("audit_classes: one cell a ray");
+        const csg::AuditResult result = csg::audit_classes(tree, boxes, rays_of(rows));
+        return std::make_tuple(result.constants, result.violations);
+      },
+      "tree"_a, "cells"_a.noconvert(), "rays"_a.noconvert(),
+      "(leaves called Empty or Full, those not constant along the ray), over pairs of a cell (N, 8: lo, hi, unused) "
+      "and "
+      "a ray (N, 8). The premise of all pruning; the second number must be 0.");
   m.def("machine", &machine, "Compiler, its flags, Embree's version.");
 }

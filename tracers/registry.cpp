@@ -58,8 +58,8 @@ Params::Params(const std::string& scheme, const std::vector<ParamSpec>& specs,
   }
   for (const auto& [name, value] : given) {
     if (!values_.contains(name))
-      throw std::invalid_argument(scheme + ": unknown parameter '" + name + "'; known: " +
-                                  (known.empty() ? "none" : known));
+      throw std::invalid_argument(scheme + ": unknown parameter '" + name +
+                                  "'; known: " + (known.empty() ? "none" : known));
     for (const ParamSpec& spec : specs)
       if (spec.name == name) check(scheme, spec, value);
     values_[name] = value;
@@ -67,8 +67,6 @@ Params::Params(const std::string& scheme, const std::vector<ParamSpec>& specs,
 }
 
 int Params::integer(const std::string& name) const { return static_cast<int>(std::get<long>(values_.at(name))); }
-const std::string& Params::choice(const std::string& name) const {
-  return std::get<std::string>(values_.at(name));
-}
+const std::string& Params::choice(const std::string& name) const { return std::get<std::string>(values_.at(name)); }
 
 }  // namespace csg

@@ -66,8 +66,7 @@ void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked
   });
 }
 
-void Tracer::occluded_batch(std::span<const Ray> rays, std::span<std::uint8_t> blocked,
-                            Counters* counters) const {
+void Tracer::occluded_batch(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Counters* counters) const {
   std::vector<Hit> hits(rays.size());
   trace_batch(rays, hits, counters);
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = hits[i].leaf >= 0;

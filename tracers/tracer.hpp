@@ -52,7 +52,7 @@ struct CountNothing {
 /// Triangles standing in for the solid, for the one scheme that is inexact.
 struct TriangleMesh {
   std::vector<Vec3> vertices;
-  std::vector<std::uint32_t> triangles;          ///< three indices a triangle
+  std::vector<std::uint32_t> triangles;  ///< three indices a triangle
   std::vector<std::int32_t> leaf_of_triangle;
 };
 

@@ -21,15 +21,9 @@ inline Vec3 operator-(Vec3 a) { return {-a.x, -a.y, -a.z}; }
 inline Vec3 operator*(double s, Vec3 a) { return {s * a.x, s * a.y, s * a.z}; }
 inline double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline double length(Vec3 a) { return std::sqrt(dot(a, a)); }
-inline Vec3 cross(Vec3 a, Vec3 b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-inline Vec3 min(Vec3 a, Vec3 b) {
-  return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)};
-}
-inline Vec3 max(Vec3 a, Vec3 b) {
-  return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)};
-}
+inline Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+inline Vec3 min(Vec3 a, Vec3 b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::min(a.z, b.z)}; }
+inline Vec3 max(Vec3 a, Vec3 b) { return {std::max(a.x, b.x), std::max(a.y, b.y), std::max(a.z, b.z)}; }
 
 /// A linear map, held by its three columns.
 struct Mat3 {
@@ -41,13 +35,9 @@ inline Vec3 operator*(const Mat3& m, Vec3 v) {
           m.col[0].y * v.x + m.col[1].y * v.y + m.col[2].y * v.z,
           m.col[0].z * v.x + m.col[1].z * v.y + m.col[2].z * v.z};
 }
-inline Mat3 operator*(const Mat3& a, const Mat3& b) {
-  return {{a * b.col[0], a * b.col[1], a * b.col[2]}};
-}
+inline Mat3 operator*(const Mat3& a, const Mat3& b) { return {{a * b.col[0], a * b.col[1], a * b.col[2]}}; }
 /// Mᵀv: how covectors (normals, directions of support) go the other way.
-inline Vec3 transposed_times(const Mat3& m, Vec3 v) {
-  return {dot(m.col[0], v), dot(m.col[1], v), dot(m.col[2], v)};
-}
+inline Vec3 transposed_times(const Mat3& m, Vec3 v) { return {dot(m.col[0], v), dot(m.col[1], v), dot(m.col[2], v)}; }
 inline double frobenius(const Mat3& m) {
   return std::sqrt(dot(m.col[0], m.col[0]) + dot(m.col[1], m.col[1]) + dot(m.col[2], m.col[2]));
 }
@@ -58,18 +48,14 @@ struct Affine {
   Vec3 offset;
 };
 inline Vec3 operator*(const Affine& a, Vec3 v) { return a.linear * v + a.offset; }
-inline Affine operator*(const Affine& a, const Affine& b) {
-  return {a.linear * b.linear, a * b.offset};
-}
+inline Affine operator*(const Affine& a, const Affine& b) { return {a.linear * b.linear, a * b.offset}; }
 
 /// An axis-aligned box, closed; the default one is empty.
 struct Box {
   Vec3 lo{kInfinity, kInfinity, kInfinity};
   Vec3 hi{-kInfinity, -kInfinity, -kInfinity};
 
-  static Box everything() {
-    return {{-kInfinity, -kInfinity, -kInfinity}, {kInfinity, kInfinity, kInfinity}};
-  }
+  static Box everything() { return {{-kInfinity, -kInfinity, -kInfinity}, {kInfinity, kInfinity, kInfinity}}; }
   /// Boxes that touch are not empty: coincident faces must stay visible to the hit rule.
   bool empty() const { return !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z); }
   Vec3 center() const { return 0.5 * (lo + hi); }
@@ -78,9 +64,7 @@ struct Box {
     return empty() ? *this : Box{{lo.x - by, lo.y - by, lo.z - by}, {hi.x + by, hi.y + by, hi.z + by}};
   }
 };
-inline Box hull(const Box& a, const Box& b) {
-  return {min(a.lo, b.lo), max(a.hi, b.hi)};
-}
+inline Box hull(const Box& a, const Box& b) { return {min(a.lo, b.lo), max(a.hi, b.hi)}; }
 inline Box intersection(const Box& a, const Box& b) {
   const Box box{max(a.lo, b.lo), min(a.hi, b.hi)};
   return box.empty() ? Box{} : box;

@@ -46,9 +46,13 @@ def test_help_teaches():
         (["trace", "nope.scad"], "nope.scad: no such file"),
         (["trace", "ball", "--scheme", "fast"], "unknown scheme 'fast'; known: naive, "),
         (["trace", "ball", "--set", "d"], "'d' is not of the form name=value"),
-        (["trace", "ball", "--set", "d=x"], "parameter 'd' of scheme 'hybrid_sdsm' is a whole"),
-        (["trace", "ball", "--set", "k=5"], "no parameter 'k'; known: d, h, bound"),
-        (["trace", "ball", "--set", "bound=no"], "is one of root, all, not 'no'"),
+        (["trace", "ball", "--set", "d=x"], "hybrid_sdsm: parameter 'd' wants a whole number"),
+        (["trace", "ball", "--set", f"d={1 << 63}"], "hybrid_sdsm: parameter 'd' is 9223372036854"),
+        (
+            ["trace", "ball", "--set", "k=5"],
+            "hybrid_sdsm: unknown parameter 'k'; known: d, h, bound",
+        ),
+        (["trace", "ball", "--set", "bound=no"], "parameter 'bound' is 'no'; known: root, all"),
         (["trace", "ball", "--size", "huge"], "size 'huge' is not of the form 512x512"),
         (["trace", "ball", "--size", "0x9"], "size '0x9'"),
         (["trace", "ball", "--size", "999999x999999"], "too large"),
@@ -92,7 +96,7 @@ def test_trace_takes_settings_in_both_forms_and_draws_the_same(tmp_path):
     second = run("trace", "ball", "--size", "40x30", "--set", "d=4", "--set", "h=10")
     assert first.exit_code == second.exit_code == 0
     for result in (first, second):
-        assert "hybrid_sdsm d=4 h=10 bound=all" in plain(result.stdout)
+        assert "hybrid_sdsm bound=all d=4 h=10" in plain(result.stdout)
         assert re.search(r"primitives tested [\d,]+, [\d.]+ a ray", plain(result.stdout))
     channels = images.read_exr(path)
     assert {"R", "G", "B", "depth", "normal.x", "leaf", "cost"} <= channels.keys()

@@ -10,9 +10,10 @@ import pytest
 
 import tracers
 from generators import FAMILIES, synthesize
-from harness import UserError
+from harness import UserError, models, trials
 from harness.openscad import evaluate
 from harness.scenes import SCENES, frame, load_scenes
+from harness.study import Configuration
 
 MODELS = load_scenes()
 
@@ -130,6 +131,18 @@ def test_scenes_are_read_strictly(written, instead, complaint, tmp_path):
     path.write_text(text.replace(written, instead, 1))
     with pytest.raises(UserError, match=complaint):
         load_scenes(path)
+
+
+def test_a_structure_that_is_too_large_is_one_line_and_a_row(monkeypatch):
+    def make(*_):
+        raise RuntimeError("the structure would exceed 4 GiB")  # what std::runtime_error becomes
+
+    monkeypatch.setattr(tracers, "make", make)
+    with pytest.raises(UserError, match="naive: the structure would exceed 4 GiB"):
+        models.build("naive", models.tree("ball"), {})
+    trial = trials.first(Configuration("ball", "naive", "{}", 8, 8, "as_written", 1, 1.0, 1.0))
+    outcome = trials.run(trial)
+    assert (outcome.status, outcome.reason) == ("error", "naive: the structure would exceed 4 GiB")
 
 
 def test_any_model_gets_a_camera_that_sees_all_of_it(trees):

@@ -1,4 +1,5 @@
 import dataclasses
+import json
 import sqlite3
 
 import pytest
@@ -21,12 +22,28 @@ def store(tmp_path):
 def test_what_goes_in_comes_out_unrounded(store):
     outcome = Outcome("ok", trace_s=0.1 + 0.2, structure_bytes=2**40, counters={"cells": 2**53})
     store.add_trial("s", TRIAL, outcome)
-    (row,) = store.records()
+    (row,) = store.records().to_dict("records")
     assert row["trace_s"] == 0.1 + 0.2
     assert row["structure_bytes"] == 2**40
-    assert row["counters"] == {"cells": 2**53}
-    assert row["machine"] == {"cores": 2}
+    assert json.loads(row["counters"]) == {"cells": 2**53}
+    assert json.loads(row["machine"]) == {"cores": 2}
     assert row["build_s"] is None
+
+
+def test_integers_and_hashes_stay_what_they_are_beside_gaps(store):
+    hashes = ["0012345678901234", "12345678901234e5", None]
+    for repeat, (value, picture_hash) in enumerate(zip([2**53 + 1, None, 3], hashes, strict=True)):
+        outcome = Outcome("ok", structure_bytes=value, picture_hash=picture_hash, trace_s=2.0)
+        store.add_trial("s", dataclasses.replace(TRIAL, repeat=repeat), outcome)
+    rows = store.records()
+    assert rows["picture_hash"].dropna().tolist() == hashes[:2]
+    assert rows["structure_bytes"].dropna().tolist() == [2**53 + 1, 3]
+    written = rows[["structure_bytes", "picture_hash", "trace_s"]].to_csv(index=False)
+    assert written.splitlines()[1:] == [
+        "9007199254740993,0012345678901234,2.0",
+        ",12345678901234e5,2.0",
+        "3,,2.0",
+    ]
 
 
 @pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(TRIAL)])
@@ -44,7 +61,7 @@ def test_a_row_is_never_changed(store, change):
     store.add_trial("s", TRIAL, Outcome("ok", trace_s=2.0))
     with pytest.raises(sqlite3.IntegrityError, match="never"):
         sqlite3.connect(store.path, isolation_level=None).execute(change)
-    assert store.records()[0]["trace_s"] == 2.0
+    assert store.records()["trace_s"].tolist() == [2.0]
 
 
 def test_it_is_durable_and_readable_while_written(store):

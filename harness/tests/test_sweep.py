@@ -24,7 +24,7 @@ def store(tmp_path):
 
 
 def statuses(store: Store) -> Counter:
-    return Counter((row["scheme"], row["status"]) for row in store.records())
+    return Counter(store.records()[["scheme", "status"]].itertuples(index=False, name=None))
 
 
 def test_every_configuration_is_run_as_often_as_asked(store):
@@ -35,7 +35,7 @@ def test_every_configuration_is_run_as_often_as_asked(store):
 def test_repeats_are_interleaved_in_shuffled_rounds(store):
     schemes = [f"scheme{i}" for i in range(8)]
     fake_sweep.fake_sweep(store, "s", [configuration(s) for s in schemes], seed=4)
-    order = [(row["repeat"], row["scheme"]) for row in store.records()]
+    order = list(store.records()[["repeat", "scheme"]].itertuples(index=False, name=None))
     rounds = [[s for repeat, s in order if repeat == r] for r in range(3)]
     assert [repeat for repeat, _ in order] == sorted(repeat for repeat, _ in order)
     assert all(sorted(r) == schemes for r in rounds)
@@ -47,7 +47,8 @@ def test_a_failing_trial_is_a_row_with_its_reason_and_the_others_go_on(store):
     hang = configuration("hang", timeout_s=0.5)
     fine = [configuration("fine"), configuration("fine too")]
     fake_sweep.fake_sweep(store, "s", [*map(configuration, bad), hang, *fine])
-    reasons = {r["scheme"]: (r["status"], r["reason"]) for r in store.records() if r["reason"]}
+    rows = store.records().to_dict("records")
+    reasons = {r["scheme"]: (r["status"], r["reason"]) for r in rows if r["reason"]}
     assert reasons == {
         "crash": ("error", "killed by SIGSEGV"),
         "exit": ("error", "ended with exit code 1: ran out of luck"),
@@ -69,7 +70,8 @@ def test_no_repeat_is_begun_that_would_exceed_the_budget(store):
 def test_retry_adds_an_attempt_and_keeps_the_first(store):
     for name, retry in (("first", False), ("idle", False), ("retried", True)):
         fake_sweep.fake_sweep(store, name, [configuration("raise")], retry=retry)
-    assert [(r["session"], r["attempt"]) for r in store.records()] == [("first", 0), ("retried", 1)]
+    rows = store.records().to_dict("records")
+    assert [(r["session"], r["attempt"]) for r in rows] == [("first", 0), ("retried", 1)]
 
 
 def test_two_sweeps_never_measure_at_once(store):

@@ -10,14 +10,13 @@ from fake_sweep import first, session
 
 from harness import claims, figures, report, results, scheme_tables, tables
 from harness.figures import printed
-from harness.schemes import catalogue
 from harness.statistics import Estimate
 from harness.store import Check, Outcome, Store
 from harness.study import FOLDER, load
 from harness.table import Column, Table, integer, number, percent
 
-PAPER = load(FOLDER / "paper.toml", catalogue())
-GRID = load(FOLDER / "grid.toml", catalogue())
+PAPER = load(FOLDER / "paper.toml")
+GRID = load(FOLDER / "grid.toml")
 NOISE = (1.0, 1.01, 0.99, 1.02, 0.98)  # the machine's, the same for all in a round
 
 
@@ -141,7 +140,7 @@ def test_a_model_that_failed_against_the_reference_is_refused(tmp_path):
 def test_only_the_newest_code_and_model_are_read(tmp_path):
     store = fill(tmp_path / "t.sqlite")
     newer = dataclasses.replace(first(PAPER.configurations[0]), code_version="newer")
-    store.add_trial("s", newer, Outcome("ok", started_utc="9", build_s=1, trace_s=1))
+    store.add_trial("s", newer, Outcome("ok", started_utc="9", trace_s=1, picture_hash="p"))
     found = read(store)
     assert [r.configuration for r in found.tabled] == [PAPER.configurations[0]]
     assert {r.status for r in found.all if not r.ok} == {"not run"}
@@ -150,7 +149,7 @@ def test_only_the_newest_code_and_model_are_read(tmp_path):
 def test_values_of_different_rounds_and_sessions_are_not_paired(paper):
     a, b = paper.tabled[:2]
     assert len(results.paired(a, b, "trace_s")[0]) == 5
-    other = dataclasses.replace(b, rows=[row | {"session": "t"} for row in b.rows[1:]] + b.rows[:1])
+    other = dataclasses.replace(b, rows=b.rows.assign(session=["s", *"tttt"]))
     assert len(results.paired(a, other, "trace_s")[0]) == 1
 
 

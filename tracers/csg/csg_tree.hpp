@@ -28,12 +28,12 @@ struct Leaf {
   float color[3] = {0, 0, 0};  ///< OpenSCAD's color(), linear 0..1; outermost wins as in OpenSCAD
 
   // Derived by CsgTree; never set by a loader.
-  Mat3 local_from_world;      ///< inverse of world_from_local.linear
+  Mat3 local_from_world;        ///< inverse of world_from_local.linear
   bool is_translation = false;  ///< world_from_local.linear is the identity
-  double condition = 1;       ///< of world_from_local.linear, Frobenius
-  double reach = 0;           ///< radius of a ball around the centre that holds the leaf, up to rounding
-  Box bounds;                 ///< world, tight up to rounding, not padded
-  double pad = 0;             ///< how much boxes grow before the leaf is judged by them (rule 9)
+  double condition = 1;         ///< of world_from_local.linear, Frobenius
+  double reach = 0;             ///< radius of a ball around the centre that holds the leaf, up to rounding
+  Box bounds;                   ///< world, tight up to rounding, not padded
+  double pad = 0;               ///< how much boxes grow before the leaf is judged by them (rule 9)
 };
 
 enum class Op : std::uint8_t { Leaf, Union, Intersection, Difference };
@@ -60,8 +60,8 @@ class CsgTree {
   Box bounds() const { return bounds_; }  ///< S-bound of the root (Figure 5, upwards), not padded
   /// The same from leaves' bounds that are grown by their pads: outside of it, no ray finds a surface.
   const Box& world() const { return world_; }
-  double size() const { return size_; }      ///< the `size` of the hit rule: extent of all leaves and their distance from 0
-  double pad() const { return pad_; }        ///< P of the hit rule, rule 9
+  double size() const { return size_; }  ///< the `size` of the hit rule: extent of all leaves and their distance from 0
+  double pad() const { return pad_; }    ///< P of the hit rule, rule 9
   std::size_t bytes() const;
 
   /// The same model in units 2^exponent times as large: every answer scales without rounding.

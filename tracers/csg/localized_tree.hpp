@@ -59,8 +59,8 @@ class Localizer {
 
  private:
   struct Verdict {
-    std::uint8_t partial = 0;   // children that stay
-    bool decided = false;       // a child decides the node
+    std::uint8_t partial = 0;  // children that stay
+    bool decided = false;      // a child decides the node
     Class result = Class::Partial;
   };
   std::vector<Verdict> verdicts_;

@@ -19,11 +19,16 @@ Vec3 to_local(const Leaf& leaf, const Vec3& p) {
 
 bool contains(const Leaf& leaf, const Vec3& p) {
   switch (leaf.kind) {
-    case Kind::Sphere: return sphere::contains(leaf.size, p);
-    case Kind::Block: return block::contains(leaf.size, p);
-    case Kind::Cylinder: return cylinder::contains(leaf.size, p);
-    case Kind::Cone: return cone::contains(leaf.size, p);
-    case Kind::Torus: break;  // not convex: torus_class.hpp
+    case Kind::Sphere:
+      return sphere::contains(leaf.size, p);
+    case Kind::Block:
+      return block::contains(leaf.size, p);
+    case Kind::Cylinder:
+      return cylinder::contains(leaf.size, p);
+    case Kind::Cone:
+      return cone::contains(leaf.size, p);
+    case Kind::Torus:
+      break;  // not convex: torus_class.hpp
   }
   return false;
 }
@@ -32,8 +37,7 @@ bool contains(const Leaf& leaf, const Vec3& p) {
 bool contains_box(const Leaf& leaf, const Box& box) {
   if (!contains(leaf, to_local(leaf, box.center()))) return false;
   for (int corner = 0; corner < 8; ++corner) {
-    const Vec3 p{corner & 1 ? box.hi.x : box.lo.x, corner & 2 ? box.hi.y : box.lo.y,
-                 corner & 4 ? box.hi.z : box.lo.z};
+    const Vec3 p{corner & 1 ? box.hi.x : box.lo.x, corner & 2 ? box.hi.y : box.lo.y, corner & 4 ? box.hi.z : box.lo.z};
     if (!contains(leaf, to_local(leaf, p))) return false;
   }
   return true;
@@ -46,8 +50,8 @@ bool separated(const Leaf& leaf, const Box& box) {
   Vec3 nearest = centre - leaf.world_from_local.offset;  // a point of box − hull
   for (int step = 0; step < 12; ++step) {
     const Vec3 v = nearest;
-    const Vec3 of_box = centre - Vec3{std::copysign(half.x, v.x), std::copysign(half.y, v.y),
-                                      std::copysign(half.z, v.z)};
+    const Vec3 of_box =
+        centre - Vec3{std::copysign(half.x, v.x), std::copysign(half.y, v.y), std::copysign(half.z, v.z)};
     const Vec3 w = of_box - support(leaf, v);
     if (dot(v, w) > 0) return true;
     const Vec3 back = w - nearest;  // nearest ← the point of the segment [nearest, w] nearest 0
@@ -80,11 +84,16 @@ Crossings crossings(const Leaf& leaf, const Ray& ray) {
   const Vec3 d = leaf.is_translation ? ray.dir : leaf.local_from_world * ray.dir;
   const Line<double> line{o.x, o.y, o.z, d.x, d.y, d.z};
   switch (leaf.kind) {
-    case Kind::Sphere: return sphere::crossings(leaf.size, line);
-    case Kind::Block: return block::crossings(leaf.size, line);
-    case Kind::Cylinder: return cylinder::crossings(leaf.size, line);
-    case Kind::Cone: return cone::crossings(leaf.size, line);
-    case Kind::Torus: return torus::crossings(leaf.size, line);
+    case Kind::Sphere:
+      return sphere::crossings(leaf.size, line);
+    case Kind::Block:
+      return block::crossings(leaf.size, line);
+    case Kind::Cylinder:
+      return cylinder::crossings(leaf.size, line);
+    case Kind::Cone:
+      return cone::crossings(leaf.size, line);
+    case Kind::Torus:
+      return torus::crossings(leaf.size, line);
   }
   return {};
 }
@@ -93,11 +102,21 @@ Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {
   const Vec3 local = to_local(leaf, p);
   Vec3 gradient;
   switch (leaf.kind) {
-    case Kind::Sphere: gradient = sphere::gradient(leaf.size, face, local); break;
-    case Kind::Block: gradient = block::gradient(leaf.size, face, local); break;
-    case Kind::Cylinder: gradient = cylinder::gradient(leaf.size, face, local); break;
-    case Kind::Cone: gradient = cone::gradient(leaf.size, face, local); break;
-    case Kind::Torus: gradient = torus::gradient(leaf.size, face, local); break;
+    case Kind::Sphere:
+      gradient = sphere::gradient(leaf.size, face, local);
+      break;
+    case Kind::Block:
+      gradient = block::gradient(leaf.size, face, local);
+      break;
+    case Kind::Cylinder:
+      gradient = cylinder::gradient(leaf.size, face, local);
+      break;
+    case Kind::Cone:
+      gradient = cone::gradient(leaf.size, face, local);
+      break;
+    case Kind::Torus:
+      gradient = torus::gradient(leaf.size, face, local);
+      break;
   }
   return leaf.is_translation ? gradient : transposed_times(leaf.local_from_world, gradient);
 }
@@ -105,11 +124,16 @@ Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {
 Vec3 support(const Leaf& leaf, const Vec3& v) {
   const Vec3 local = transposed_times(leaf.world_from_local.linear, v);
   switch (leaf.kind) {
-    case Kind::Sphere: return leaf.world_from_local * sphere::support(leaf.size, local);
-    case Kind::Block: return leaf.world_from_local * block::support(leaf.size, local);
-    case Kind::Cylinder: return leaf.world_from_local * cylinder::support(leaf.size, local);
-    case Kind::Cone: return leaf.world_from_local * cone::support(leaf.size, local);
-    case Kind::Torus: return leaf.world_from_local * torus::support(leaf.size, local);
+    case Kind::Sphere:
+      return leaf.world_from_local * sphere::support(leaf.size, local);
+    case Kind::Block:
+      return leaf.world_from_local * block::support(leaf.size, local);
+    case Kind::Cylinder:
+      return leaf.world_from_local * cylinder::support(leaf.size, local);
+    case Kind::Cone:
+      return leaf.world_from_local * cone::support(leaf.size, local);
+    case Kind::Torus:
+      return leaf.world_from_local * torus::support(leaf.size, local);
   }
   return {};
 }
@@ -117,11 +141,16 @@ Vec3 support(const Leaf& leaf, const Vec3& v) {
 double local_radius(const Leaf& leaf) {
   const double* size = leaf.size;
   switch (leaf.kind) {
-    case Kind::Sphere: return size[0];
-    case Kind::Block: return std::hypot(size[0], size[1], size[2]);
-    case Kind::Cylinder: return std::hypot(size[0], size[1]);
-    case Kind::Cone: return std::hypot(std::max(size[0], size[1]), size[2]);
-    case Kind::Torus: return size[0] + size[1];
+    case Kind::Sphere:
+      return size[0];
+    case Kind::Block:
+      return std::hypot(size[0], size[1], size[2]);
+    case Kind::Cylinder:
+      return std::hypot(size[0], size[1]);
+    case Kind::Cone:
+      return std::hypot(std::max(size[0], size[1]), size[2]);
+    case Kind::Torus:
+      return size[0] + size[1];
   }
   return 0;
 }

@@ -39,8 +39,7 @@ inline std::pair<double, double> rho_range(const Vec3& centre, const Mat3& edges
 inline Class classify(const double* size, const Vec3& centre, const Mat3& edges, int splits) {
   const double major = size[0], minor = size[1];
   const auto [rho_lo, rho_hi] = rho_range(centre, edges);
-  const double z_half =
-      std::fabs(edges.col[0].z) + std::fabs(edges.col[1].z) + std::fabs(edges.col[2].z);
+  const double z_half = std::fabs(edges.col[0].z) + std::fabs(edges.col[1].z) + std::fabs(edges.col[2].z);
   const double z_lo = std::max(0.0, std::fabs(centre.z) - z_half), z_hi = std::fabs(centre.z) + z_half;
   const double off_lo = std::max({0.0, rho_lo - major, major - rho_hi});
   const double off_hi = std::max(std::fabs(rho_lo - major), std::fabs(rho_hi - major));

@@ -54,7 +54,12 @@ class ChuangHwang final : public Tracer {
   class Builder {
    public:
     Builder(ChuangHwang& bsp, int d, int h, Order order)
-        : bsp_(bsp), d_(d), h_(h), order_(order), classifier_(*bsp.tree_), tree_of_level_(static_cast<std::size_t>(d) + 1) {}
+        : bsp_(bsp),
+          d_(d),
+          h_(h),
+          order_(order),
+          classifier_(*bsp.tree_),
+          tree_of_level_(static_cast<std::size_t>(d) + 1) {}
 
     /// Recursion is no deeper than d.
     void divide(TreeView parent, const Box& region, int level) {
@@ -114,8 +119,10 @@ class ChuangHwang final : public Tracer {
         for (const std::vector<double>* faces : {&lows_, &highs_})
           for (const double at : *faces) {
             if (!cuts(region, axis, at)) continue;
-            const auto below = static_cast<std::size_t>(std::lower_bound(lows_.begin(), lows_.end(), at) - lows_.begin());
-            const auto above = static_cast<std::size_t>(highs_.end() - std::upper_bound(highs_.begin(), highs_.end(), at));
+            const auto below =
+                static_cast<std::size_t>(std::lower_bound(lows_.begin(), lows_.end(), at) - lows_.begin());
+            const auto above =
+                static_cast<std::size_t>(highs_.end() - std::upper_bound(highs_.begin(), highs_.end(), at));
             if (std::max(below, above) < fewest) fewest = std::max(below, above), best = {axis, at};
           }
       }

@@ -12,7 +12,10 @@ namespace {
 class EmbreeMesh final : public Tracer {
  public:
   EmbreeMesh(std::shared_ptr<const CsgTree> tree, std::shared_ptr<const TriangleMesh> mesh)
-      : Tracer(std::move(tree)), leaf_of_triangle_(mesh->leaf_of_triangle), units_(tree_->size()), scene_(RTC_GEOMETRY_TYPE_TRIANGLE) {
+      : Tracer(std::move(tree)),
+        leaf_of_triangle_(mesh->leaf_of_triangle),
+        units_(tree_->size()),
+        scene_(RTC_GEOMETRY_TYPE_TRIANGLE) {
     if (leaf_of_triangle_.empty()) throw std::invalid_argument("embree_mesh: the mesh has no triangles");
     const RTCGeometry geometry = scene_.geometry();
     auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -26,7 +29,9 @@ class EmbreeMesh final : public Tracer {
     scene_.commit();
   }
 
-  std::size_t bytes() const override { return scene_.bytes() + leaf_of_triangle_.size() * sizeof(leaf_of_triangle_[0]); }
+  std::size_t bytes() const override {
+    return scene_.bytes() + leaf_of_triangle_.size() * sizeof(leaf_of_triangle_[0]);
+  }
   std::map<std::string, double> facts() const override {
     return {{"triangles", static_cast<double>(leaf_of_triangle_.size())}};
   }

@@ -50,9 +50,10 @@ const SchemeInfo scheme_hybrid_sdsm{
     .title = "Hybrid SDSM (octree and S-bounds)",
     .params = hybrid_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<HybridSdsm>(std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")},
-                                          params.choice("bound") == "root" ? Bounds::Root : Bounds::All,
-                                          params.choice("passes") == "one" ? SBoundPasses::One : SBoundPasses::FixedPoint);
+      return std::make_unique<HybridSdsm>(
+          std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")},
+          params.choice("bound") == "root" ? Bounds::Root : Bounds::All,
+          params.choice("passes") == "one" ? SBoundPasses::One : SBoundPasses::FixedPoint);
     }};
 
 }  // namespace csg

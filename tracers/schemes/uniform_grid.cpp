@@ -93,9 +93,11 @@ class UniformGrid final : public Tracer {
       next[axis] = kInfinity;
       if (reciprocal.parallel[axis]) continue;
       // The voxel is the one whose planes, by t, enclose t0.
-      while (0 <= at[axis] + step[axis] && at[axis] + step[axis] < size_[axis] && t_of(axis, at[axis] + ahead[axis]) <= t0)
+      while (0 <= at[axis] + step[axis] && at[axis] + step[axis] < size_[axis] &&
+             t_of(axis, at[axis] + ahead[axis]) <= t0)
         at[axis] += step[axis];
-      while (0 <= at[axis] - step[axis] && at[axis] - step[axis] < size_[axis] && t0 < t_of(axis, at[axis] + 1 - ahead[axis]))
+      while (0 <= at[axis] - step[axis] && at[axis] - step[axis] < size_[axis] &&
+             t0 < t_of(axis, at[axis] + 1 - ahead[axis]))
         at[axis] -= step[axis];
       next[axis] = t_of(axis, at[axis] + ahead[axis]);
     }

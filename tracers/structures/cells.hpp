@@ -41,7 +41,8 @@ class CellTrees {
 
   /// Throws std::runtime_error when the trees outgrow kMostBytes.
   Cell add(TreeView tree, const Box& cell) {
-    if (bytes() > kMostBytes) throw std::runtime_error("the structure would exceed 4 GiB: divide less (d, n) or raise h");
+    if (bytes() > kMostBytes)
+      throw std::runtime_error("the structure would exceed 4 GiB: divide less (d, n) or raise h");
     nodes_.insert(nodes_.end(), tree.begin(), tree.end());
     first_.push_back(nodes_.size());
     if (bounds_ != Bounds::None) {

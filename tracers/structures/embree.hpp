@@ -79,7 +79,8 @@ class EmbreeScene {
 inline RTCRayHit embree_ray(const EmbreeUnits& units, const Ray& ray, double t0, double t1) {
   const Vec3 o = units.scale() * (ray.origin + t0 * ray.dir), d = units.direction(ray.dir);
   RTCRayHit out{};
-  out.ray.org_x = static_cast<float>(o.x), out.ray.org_y = static_cast<float>(o.y), out.ray.org_z = static_cast<float>(o.z);
+  out.ray.org_x = static_cast<float>(o.x), out.ray.org_y = static_cast<float>(o.y),
+  out.ray.org_z = static_cast<float>(o.z);
   out.ray.dir_x = static_cast<float>(d.x), out.ray.dir_y = static_cast<float>(d.y);
   out.ray.dir_z = static_cast<float>(d.z);
   out.ray.tnear = 0;
@@ -109,7 +110,9 @@ class EmbreeBoxes {
 
   template <class Visit>
   void query(const Ray& ray, double t0, double t1, Visit visit) const {
-    Query query{{}, t0, units_.of_t(ray.dir), &visit, [](void* to, unsigned number) { return (*static_cast<Visit*>(to))(number); }};
+    Query query{{}, t0, units_.of_t(ray.dir), &visit, [](void* to, unsigned number) {
+                  return (*static_cast<Visit*>(to))(number);
+                }};
     rtcInitIntersectContext(&query.context);
     RTCRayHit embree = embree_ray(units_, ray, t0, t1);
     rtcIntersect1(scene_.scene(), &query.context, &embree);

@@ -32,7 +32,11 @@ Box cube_around(const Box& box) {
 class Octree::Builder {
  public:
   Builder(Octree& octree, const CsgTree& model, OctreeLimits limits)
-      : octree_(octree), model_(model), limits_(limits), classifier_(model), trees_of_level_(static_cast<std::size_t>(limits.d) + 1) {}
+      : octree_(octree),
+        model_(model),
+        limits_(limits),
+        classifier_(model),
+        trees_of_level_(static_cast<std::size_t>(limits.d) + 1) {}
 
   std::int32_t divide(TreeView parent_tree, const Box& cell, int level) {
     std::vector<TreeNode>& tree = trees_of_level_[static_cast<std::size_t>(level)];

@@ -23,7 +23,6 @@ class Octree {
   const Box& world() const { return world_; }
   const CellTrees& trees() const { return trees_; }
 
-
   /// Calls `visit(cell, box)` for each Partial cell.
   template <class Visit>
   void for_each_partial(Visit visit) const {

@@ -1,12 +1,13 @@
 """Families of trees and rays that broke simpler hit rules: the conformance suite's generators.
 
-Each family is a function of a numpy Generator that returns a `tracers.CsgTree`; `rays_for` aims rays at
-whatever is delicate in a tree.
+Each family is a function of a numpy Generator that returns a `tracers.CsgTree`; `rays_for` aims
+rays at whatever is delicate in a tree.
 """
 
 from collections.abc import Callable
 
 import numpy as np
+
 import tracers
 
 LEAF, UNION, INTERSECTION, DIFFERENCE = range(4)
@@ -24,7 +25,7 @@ class Solid:
 
     def leaf(self, kind: str, size: list[float], matrix: np.ndarray | None = None) -> list:
         self.kinds.append(kind)
-        self.sizes.append((list(size) + [0.0, 0.0])[:3])
+        self.sizes.append([*size, 0.0, 0.0][:3])
         self.matrices.append(np.eye(3, 4) if matrix is None else matrix[:3])
         return ["leaf", len(self.kinds) - 1]
 
@@ -102,7 +103,9 @@ def random_solid(rng: np.random.Generator) -> "tracers.CsgTree":
             linear = linear @ np.diag(rng.choice([-1.0, 0.5, 1.0, 2.0], 3))
         if rng.random() < 0.2:
             linear[0, 1] += rng.uniform(-1, 1)
-        parts.append(solid.leaf(kind, random_size(rng, kind), placed(*rng.uniform(-1, 1, 3), linear)))
+        parts.append(
+            solid.leaf(kind, random_size(rng, kind), placed(*rng.uniform(-1, 1, 3), linear))
+        )
     return solid.tree(combine(rng, parts))
 
 
@@ -127,7 +130,9 @@ def kin(rng: np.random.Generator) -> "tracers.CsgTree":
     for _ in range(rng.integers(1, 4)):
         kind = KINDS[rng.integers(5)]
         linear = np.eye(3) if rng.random() < 0.5 else six_digits(rotation(rng))
-        chosen.append((kind, random_size(rng, kind, 1.0), placed(*rng.uniform(-0.5, 0.5, 3), linear)))
+        chosen.append(
+            (kind, random_size(rng, kind, 1.0), placed(*rng.uniform(-0.5, 0.5, 3), linear))
+        )
     for _ in range(rng.integers(2, 10)):
         parts.append(solid.leaf(*chosen[rng.integers(len(chosen))]))
     return solid.tree(combine(rng, parts))
@@ -141,7 +146,9 @@ def decimals(rng: np.random.Generator) -> "tracers.CsgTree":
     for _ in range(rng.integers(3, 12)):
         n = rng.integers(1, 6, 3)
         half = [sum([step] * int(k)) / 2 if rng.random() < 0.5 else step * k / 2 for k in n]
-        corner = [sum([step] * int(k)) if rng.random() < 0.5 else step * k for k in rng.integers(-3, 3, 3)]
+        corner = [
+            sum([step] * int(k)) if rng.random() < 0.5 else step * k for k in rng.integers(-3, 3, 3)
+        ]
         shift = placed(*[c + h for c, h in zip(corner, half, strict=True)])
         parts.append(solid.leaf("block", half, shift))
     return solid.tree(combine(rng, parts))
@@ -218,18 +225,24 @@ def ill_conditioned(rng: np.random.Generator) -> "tracers.CsgTree":
         stretch = np.diag(10.0 ** rng.uniform(-5, 0, 3))
         linear = rotation(rng) @ stretch @ rotation(rng)
         linear = linear / np.abs(linear).max()
-        parts.append(solid.leaf(kind, random_size(rng, kind, 1.5), placed(*rng.uniform(-0.5, 0.5, 3), linear)))
+        parts.append(
+            solid.leaf(
+                kind, random_size(rng, kind, 1.5), placed(*rng.uniform(-0.5, 0.5, 3), linear)
+            )
+        )
     return solid.tree(combine(rng, parts))
 
 
 def coplanar_blocks(rng: np.random.Generator) -> "tracers.CsgTree":
-    """Three blocks whose upper faces are one plane, cut by a fourth; the model that made POV-Ray speckle."""
+    """Three blocks, their upper faces in one plane, cut by a fourth; it made POV-Ray speckle."""
     solid = Solid()
     top = float(rng.choice([0.0, 0.3, 1 / 3]))
     parts = []
     for _ in range(3):
         half = rng.uniform(0.2, 0.6, 3)
-        parts.append(solid.leaf("block", list(half), placed(*rng.uniform(-0.3, 0.3, 2), top - half[2])))
+        parts.append(
+            solid.leaf("block", list(half), placed(*rng.uniform(-0.3, 0.3, 2), top - half[2]))
+        )
     parts.append(solid.leaf("cylinder", [0.3, 1.0]))
     parts.append(solid.leaf("block", [0.1, 0.1, 0.1], placed(0.2, 0.1, top - 0.1)))
     return solid.tree(combine(rng, parts))
@@ -263,60 +276,3 @@ FAMILIES: dict[str, Family] = {
         tori,
     )
 }
-
-
-def targets(tree: "tracers.CsgTree", rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 3) points that matter: centres, corners, middles of edges and faces, rims of leaves."""
-    leaf = rng.integers(tree.halfspaces, size=count)
-    corner = rng.choice([-1.0, 0.0, 1.0], size=(count, 3))
-    half = tree.sizes.copy()
-    for i, kind in enumerate(tree.kinds):
-        s = tree.sizes[i]
-        half[i] = {
-            "sphere": [s[0], s[0], s[0]],
-            "block": s,
-            "cylinder": [s[0], s[0], s[1]],
-            "cone": [max(s[0], s[1]), max(s[0], s[1]), s[2]],
-            "torus": [s[0] + s[1], s[0] + s[1], s[1]],
-        }[kind]
-    local = corner * half[leaf]
-    matrices = tree.matrices[leaf]
-    return np.einsum("nij,nj->ni", matrices[:, :, :3], local) + matrices[:, :, 3]
-
-
-def rays_for(tree: "tracers.CsgTree", rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 8) rays: at random, along axes and edges, through vertices, from inside and from surfaces."""
-    lo, hi = tree.bounds
-    lo, hi = np.where(np.isfinite(lo), lo, -1), np.where(np.isfinite(hi), hi, 1)
-    centre, radius = (lo + hi) / 2, max(float(np.linalg.norm(hi - lo)) / 2, 1e-3)
-    inside = rng.uniform(lo, hi, (count, 3))
-    direction = rng.normal(size=(count, 3))
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    outside = centre + radius * direction * rng.uniform(1.1, 6, (count, 1))
-    aim = targets(tree, rng, count)
-    aim2 = targets(tree, rng, count)
-    axis = np.eye(3)[rng.integers(3, size=count)] * rng.choice([-1.0, 1.0], (count, 1))
-
-    kind = rng.integers(8, size=count)[:, None]
-    origin = np.where(kind <= 2, outside, np.where(kind <= 4, inside, np.where(kind == 5, aim2, aim - 4 * radius * axis)))
-    along = np.where(kind == 0, inside - origin, np.where(kind == 3, direction, aim - origin))
-    along = np.where((kind == 4) | (kind >= 6), axis, along)
-    along = np.where(np.abs(along).max(axis=1)[:, None] > 1e-12, along, axis)
-    along *= np.where(rng.random((count, 1)) < 0.2, 10.0 ** rng.uniform(-3, 3, (count, 1)), 1.0)
-    rays = np.column_stack([origin, along, np.zeros(count), np.full(count, np.inf)])
-    finite = rng.random(count) < 0.3
-    rays[finite, 7] = rng.uniform(0, 8 * radius, int(finite.sum())) / np.linalg.norm(along[finite], axis=1)
-    later = rng.random(count) < 0.1
-    rays[later, 6] = rng.uniform(-1, 1, int(later.sum())) * radius / np.linalg.norm(along[later], axis=1)
-    return np.ascontiguousarray(rays)
-
-
-def onward(rays: np.ndarray, t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Rays from the points that others hit, in new directions: reflections, shadows, grazing ones."""
-    hit = np.isfinite(t)
-    start = rays[hit, :3] + t[hit, None] * rays[hit, 3:6]
-    away = rng.normal(size=start.shape)
-    along = np.where(rng.random((len(start), 1)) < 0.3, -rays[hit, 3:6], away)
-    return np.ascontiguousarray(
-        np.column_stack([start, along, np.zeros(len(start)), np.full(len(start), np.inf)])
-    )

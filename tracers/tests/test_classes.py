@@ -1,22 +1,31 @@
-"""The premise of all pruning: a leaf called Empty or Full for a cell is so along every ray through it."""
+"""The premise of all pruning: a leaf called Empty or Full for a cell is so on any ray in it."""
 
 import zlib
 
 import numpy as np
 import pytest
-import tracers
-from families import rays_for, targets
+from aim import rays_for, targets
 from walls import FAMILIES
+
+import tracers
 
 
 def cells_for(tree, rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 8) boxes of all sizes, many with corners or faces exactly on leaves' corners and faces."""
+    """(count, 8) boxes of all sizes, many with corners or faces exactly on those of leaves."""
     lo, hi = tree.bounds
-    centre = np.where(rng.random((count, 1)) < 0.5, targets(tree, rng, count), rng.uniform(lo, hi, (count, 3)))
-    half = np.linalg.norm(hi - lo) * 2.0 ** rng.uniform(-12, 0, (count, 1)) * rng.uniform(0.3, 1, (count, 3))
+    centre = np.where(
+        rng.random((count, 1)) < 0.5, targets(tree, rng, count), rng.uniform(lo, hi, (count, 3))
+    )
+    half = (
+        np.linalg.norm(hi - lo)
+        * 2.0 ** rng.uniform(-12, 0, (count, 1))
+        * rng.uniform(0.3, 1, (count, 3))
+    )
     flush = rng.choice([-1.0, 0.0, 1.0], (count, 3)) * (rng.random((count, 1)) < 0.5)
     centre = centre + flush * half
-    return np.ascontiguousarray(np.column_stack([centre - half, centre + half, np.zeros((count, 2))]))
+    return np.ascontiguousarray(
+        np.column_stack([centre - half, centre + half, np.zeros((count, 2))])
+    )
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -1,7 +1,8 @@
 """Every exact scheme of the registry gives naive's leaf and naive's bits of t for every ray.
 
-There is no list of schemes here: what schemes.def names is tested, over the values that its parameters
-declare. `make conformance` runs 1,000,000 rays a family and scheme; `make test` a part of them.
+There is no list of schemes here: what schemes.def names is tested, over the values that its
+parameters declare. `make conformance` runs 1,000,000 rays a family and scheme; `make test` a part
+of them.
 """
 
 import itertools
@@ -9,11 +10,12 @@ import zlib
 
 import numpy as np
 import pytest
-import tracers
-from families import rays_for
+from aim import all_rays, rays_for
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from walls import FAMILIES, all_rays, tie_past_an_edge
+from walls import FAMILIES, tie_past_an_edge
+
+import tracers
 
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
 RAYS_PER_TREE = 1000
@@ -23,7 +25,9 @@ def grid(scheme: "tracers.Scheme") -> list[dict]:
     """All combinations of the values that the scheme wants tried."""
     names = [p.name for p in scheme.parameters]
     values = [p.trial_values for p in scheme.parameters]
-    return [dict(zip(names, combination, strict=True)) for combination in itertools.product(*values)]
+    return [
+        dict(zip(names, combination, strict=True)) for combination in itertools.product(*values)
+    ]
 
 
 def differing(expected: "tracers.Hits", got: "tracers.Hits") -> np.ndarray:
@@ -38,12 +42,14 @@ def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expecte
         i = wrong[0]
         got = tracer.trace(rays[i : i + 1])
         pytest.fail(
-            f"{name} {params}: {len(wrong)} of {len(rays)} rays differ; the first: ray {rays[i].tolist()}"
-            f" naive t={expected.t[i].hex()} leaf={expected.leaf[i]},"
+            f"{name} {params}: {len(wrong)} of {len(rays)} rays differ; the first:"
+            f" ray {rays[i].tolist()} naive t={expected.t[i].hex()} leaf={expected.leaf[i]},"
             f" got t={got.t[0].hex()} leaf={got.leaf[0]}; {tree.halfspaces} halfspaces"
         )
     blocked = tracer.occluded(rays)
-    assert np.array_equal(blocked.astype(bool), expected.leaf >= 0), f"{name} {params}: occluded ≠ trace"
+    assert np.array_equal(blocked.astype(bool), expected.leaf >= 0), (
+        f"{name} {params}: occluded ≠ trace"
+    )
 
 
 def check_tree(tree, rng: np.random.Generator, count: int, settings_of_scheme) -> None:
@@ -52,7 +58,9 @@ def check_tree(tree, rng: np.random.Generator, count: int, settings_of_scheme) -
     expected = naive.trace(rays)
     for scheme in EXACT:
         for params in settings_of_scheme(scheme):
-            assert_same(tree, scheme.name, params, tracers.make(scheme.name, tree, params), rays, expected)
+            assert_same(
+                tree, scheme.name, params, tracers.make(scheme.name, tree, params), rays, expected
+            )
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -91,7 +99,7 @@ def test_ties_just_past_a_cells_edge() -> None:
 
 
 class Planted:
-    """A wrong scheme: the right tracer of a slightly wrong model, or of right hits slightly changed."""
+    """A wrong scheme: the right tracer of a model slightly wrong, or right hits changed a bit."""
 
     def __init__(self, tracer, change=lambda hits: None) -> None:
         self.tracer, self.change = tracer, change

@@ -1,13 +1,13 @@
-"""The models of models/scenes.toml: every exact scheme, over its grid of parameters, against naive, for
-every primary ray and every shadow ray of a picture (32×32; 256×256 in `make conformance`)."""
+"""The models of models/scenes.toml: every exact scheme, over its grid of parameters, against naive,
+for every primary ray and every shadow ray of a picture (32×32; 256×256 in `make conformance`)."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tracers
 from test_conformance import EXACT, assert_same, grid
 
+import tracers
 from harness.openscad import to_csg
 from harness.scenes import load_scenes
 
@@ -25,7 +25,9 @@ def shadow_rays(primary: np.ndarray, hits: "tracers.Hits", lights: list) -> np.n
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_scene(name: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_scene(
+    name: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     size = 32 if request.config.getoption("--rays") < 1_000_000 else 256
     cache: Path = tmp_path_factory.getbasetemp()
     scene = SCENES[name]
