@@ -1,13 +1,24 @@
 // The hit rule: what the first boundary along a ray is, whatever structure finds it.
 //
-// f(t) is the solid's membership after all crossings ≤ t. From skip = t_min + band, with
-// s = f(skip), the first change of f at some T > skip is looked at again at T + bb, bb the tie band
-// at that surface: if f is s again there, it was no boundary (two surfaces that are the same but for
-// rounding) and the search goes on from T + bb; else T is the hit. Changes of f, and never mere
-// crossings, are grouped, since crossings that pruning removes must not change the answer.
-//
-// A scheme cuts the ray into intervals [t0, t1), each with a localized tree, and hands them to one
-// BoundarySearch in order; `s` and `skip` travel with it. An interval owns T if t0 ≤ T < t1.
+//  1. A leaf's crossings are a pure function of leaf and whole ray: finite, sorted, an even number.
+//  2. f(t) is the solid's membership after all crossings ≤ t, equal bits together. Only changes of f
+//     matter, never mere crossings: those of pruned leaves must not change the answer.
+//  3. band = 16·u·(|o| + size)/|d|; at a surface met at an angle θ to its normal, bb = band / cos θ, at
+//     most 2¹⁰ bands.
+//  4. skip = t_min + band, s = f(skip). The first change of f at some T > skip sets skip = T + bb. If
+//     f(skip) = s there was no boundary (surfaces that are one but for rounding): go on from skip.
+//     Otherwise T is the hit.
+//  5. It counts if T < t_max, which touches nothing else.
+//  6. Its leaf is, among the crossings in [T, T + bb], the lowest that alone changes the solid, from the
+//     state before T or after it. θ in bb is taken at the leaf so found among those exactly at T.
+//  7. Of the intervals [t0, t1) into which cells cut a ray, one owns T: t0 ≤ T < t1, and t1 is the next
+//     one's t0 to the bit. s and skip travel from cell to cell.
+//  8. A cell looks at crossings a little beyond its interval, by two of the widest bands.
+//  9. Classes of cells and S-bounds hold with a pad P = 2⁻³⁰·size, more than four of the widest bands
+//     and a kernel's error. Rays from so far that this fails are first moved to the world.
+// 10. Trees are simplified by Full and Empty only; boxes that touch are not empty.
+// 11. A ray that goes on behind a hit carries skip.
+// 12. A shadow ray starts 16 bands off the surface, with t_min = 0.
 #pragma once
 #include <algorithm>
 #include <vector>

@@ -7,7 +7,7 @@ namespace csg::cone {
 
 /// The double cone x² + y² − w² ≤ 0, from which the slab |z| ≤ h, where w ≥ 0, takes one nappe.
 /// Lagrange's identity in the metric (+, +, −) gives the discriminant without the cancellation of
-/// b² − ac (FACTS, quadrics).
+/// b² − ac.
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
   const Real r0 = static_cast<Real>(size[0]), r1 = static_cast<Real>(size[1]), h = static_cast<Real>(size[2]);

@@ -5,7 +5,7 @@
 namespace csg::sphere {
 
 /// (r − L)(r + L) with L the distance of the recentred line: 0.99 E at any distance, where the
-/// textbook discriminant loses everything (FACTS, quadrics).
+/// textbook discriminant loses everything.
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
   const Real r = static_cast<Real>(size[0]);

@@ -84,7 +84,7 @@ Real bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside) 
 
 /// Bracketed by the critical points of the quartic (its derivative is a depressed cubic once the
 /// line is recentred), sign and root by the geometric g, which keeps r where the expanded quartic
-/// loses it (FACTS, torus).
+/// loses it.
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
   const Real shift = recentre(line);
