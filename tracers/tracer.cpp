@@ -1,4 +1,5 @@
-// What every scheme is spared: rays that are no rays, and rays that start too far away (rule 9).
+// What every scheme is spared: rays that are no rays, that start too far away (rule 9), or whose
+// directions have extreme lengths.
 #include "tracer.hpp"
 
 #include "error_unit.hpp"
@@ -10,59 +11,78 @@ namespace {
 bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 bool is_ray(const Ray& ray) {
-  const double squared = dot(ray.dir, ray.dir);
-  return finite(ray.origin) && finite(ray.dir) && std::isnormal(squared) && !std::isnan(ray.t_min) &&
-         !std::isnan(ray.t_max);
+  return finite(ray.origin) && finite(ray.dir) && (ray.dir.x != 0 || ray.dir.y != 0 || ray.dir.z != 0) &&
+         !std::isnan(ray.t_min) && !std::isnan(ray.t_max);
 }
 
-/// Runs `batch(rays)` on prepared rays in chunks; a ray that is none becomes one that cannot hit.
+/// A ray as schemes get it, and the way back: t = (t' + shift)·2^exponent.
+struct Prepared {
+  Ray ray;
+  double shift = 0;
+  int exponent = 0;
+};
+
+Prepared prepare(const CsgTree& tree, const Ray& given) {
+  const Ray nowhere{{0, 0, 0}, {0, 0, 1}, 0, -kInfinity};
+  if (!is_ray(given)) return {nowhere};
+  Prepared out{given};
+  Ray& ray = out.ray;
+  // A direction near 1, by a power of two: squares of its entries then stay in range.
+  const int exponent = std::ilogb(std::max({std::fabs(ray.dir.x), std::fabs(ray.dir.y), std::fabs(ray.dir.z)}));
+  if (exponent != 0) {
+    out.exponent = -exponent;
+    for (int axis = 0; axis < 3; ++axis) ray.dir[axis] = std::ldexp(ray.dir[axis], -exponent);
+    ray.t_min = std::ldexp(ray.t_min, exponent);
+    ray.t_max = std::ldexp(ray.t_max, exponent);
+  }
+  const auto is_far = [&] { return length(ray.origin) > kFarthestOrigin * tree.size(); };
+  if (!is_far()) return out;
+  // Moving costs what the far origin's band says: the ends give way by as much, so that no hit comes
+  // back at t_min or from beyond t_max. From very far, one move lands as far off as its rounding.
+  const double band = tie_band(ray.origin, length(ray.dir), tree.size());
+  constexpr int kMostMoves = 8;
+  for (int move = 0; is_far(); ++move) {
+    const Interval inside = slab(tree.world(), ray.origin, Reciprocal(ray.dir));
+    if (inside.empty() || move == kMostMoves) return {nowhere};
+    out.shift += inside.lo;
+    ray.origin = ray.origin + inside.lo * ray.dir;
+  }
+  ray.t_min += band - out.shift;
+  ray.t_max -= band + out.shift;
+  return out;
+}
+
+/// Runs `batch(begin, rays, prepared)` in chunks.
 template <class Batch>
-void prepared(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
+void in_chunks(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
   constexpr std::size_t kChunk = 1024;
-  Ray moved[kChunk];
-  double shift[kChunk];
-  const Box world = tree.world();
+  std::vector<Prepared> prepared;
+  std::vector<Ray> ready;
   for (std::size_t begin = 0; begin < rays.size(); begin += kChunk) {
-    const std::size_t count = std::min(kChunk, rays.size() - begin);
-    for (std::size_t i = 0; i < count; ++i) {
-      Ray ray = rays[begin + i];
-      shift[i] = 0;
-      if (!is_ray(ray)) {
-        ray = {{0, 0, 0}, {0, 0, 1}, 0, -kInfinity};
-      } else if (length(ray.origin) > kFarthestOrigin * tree.size()) {
-        const Interval inside = slab(world, ray.origin, Reciprocal(ray.dir));
-        if (inside.empty()) {
-          ray = {{0, 0, 0}, {0, 0, 1}, 0, -kInfinity};
-        } else {
-          // Moving costs what the far origin's band says: the ends give way by as much, so that no
-          // hit comes back at t_min or from beyond t_max.
-          const double band = tie_band(ray.origin, length(ray.dir), tree.size());
-          shift[i] = inside.lo;
-          ray.origin = ray.origin + inside.lo * ray.dir;
-          ray.t_min += band - inside.lo;
-          ray.t_max -= band + inside.lo;
-        }
-      }
-      moved[i] = ray;
+    prepared.clear();
+    ready.clear();
+    for (const Ray& ray : rays.subspan(begin, std::min(kChunk, rays.size() - begin))) {
+      prepared.push_back(prepare(tree, ray));
+      ready.push_back(prepared.back().ray);
     }
-    batch(begin, std::span<const Ray>(moved, count), shift);
+    batch(begin, std::span<const Ray>(ready), prepared);
   }
 }
 
 }  // namespace
 
 void Tracer::trace(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const {
-  prepared(*tree_, rays, [&](std::size_t begin, std::span<const Ray> chunk, const double* shift) {
-    const std::span<Hit> out = hits.subspan(begin, chunk.size());
-    trace_batch(chunk, out, counters);
-    for (std::size_t i = 0; i < chunk.size(); ++i)
-      if (out[i].leaf >= 0) out[i].t += shift[i];
+  in_chunks(*tree_, rays, [&](std::size_t begin, std::span<const Ray> ready, const std::vector<Prepared>& prepared) {
+    const std::span<Hit> out = hits.subspan(begin, ready.size());
+    trace_batch(ready, out, counters);
+    for (std::size_t i = 0; i < ready.size(); ++i)
+      if (out[i].leaf >= 0) out[i].t = std::ldexp(out[i].t + prepared[i].shift, prepared[i].exponent);
   });
 }
 
 void Tracer::occluded(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Counters* counters) const {
-  prepared(*tree_, rays, [&](std::size_t begin, std::span<const Ray> chunk, const double*) {
-    occluded_batch(chunk, blocked.subspan(begin, chunk.size()), counters);
+  in_chunks(*tree_, rays, [&](std::size_t begin, std::span<const Ray> ready, const auto&) {
+    occluded_batch(ready, blocked.subspan(begin, ready.size()), counters);
   });
 }
 

@@ -1,5 +1,6 @@
 // Cylinder: x² + y² ≤ r², |z| ≤ h. Face 0 is the side, 1 the bottom, 2 the top.
 #pragma once
+#include "../error_unit.hpp"
 #include "crossings.hpp"
 
 namespace csg::cylinder {
@@ -11,7 +12,7 @@ Crossings crossings(const double* size, const Line<Real>& line) {
   Chord<Real> chord;
   chord.clip_slab(line.oz, line.dz, h, 1);
   const Real dd = line.dx * line.dx + line.dy * line.dy;
-  if (dd == 0) {
+  if (dd <= kParallel * kParallel * line.dz * line.dz) {
     if (!(line.ox * line.ox + line.oy * line.oy < r * r)) return {};
   } else {
     Real x = line.ox, y = line.oy, shift = 0;
