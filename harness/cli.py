@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from harness import PUBLISHED, RESULTS, STORE, UserError
+from harness import PUBLISHED, RESULTS, ROOT, STORE, UserError
 
 app = typer.Typer(
     help="""Measure acceleration schemes for ray tracing CSG solids.
@@ -39,7 +39,8 @@ Results = Annotated[
     Path, typer.Option(help="Where measurements are kept and reports go.", show_default="results")
 ]
 Publish = Annotated[
-    bool, typer.Option("--publish", help="Copy what is written to results/published/ too.")
+    bool,
+    typer.Option("--publish", help="Copy what is written to results/published/ and the README."),
 ]
 Size = Annotated[str, typer.Option(help="Width and height of the picture, in pixels.")]
 
@@ -219,10 +220,11 @@ def _plots(study: str, folder: Path) -> None:
 
 
 def _publish(wanted: bool, folder: Path) -> None:
-    from harness import report
+    from harness import readme, report
 
     if wanted:
         report.publish(folder, PUBLISHED)
+        readme.refresh(ROOT / "README.md", PUBLISHED / "tables")
         out.print(f"published: {PUBLISHED}")
 
 
