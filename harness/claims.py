@@ -1,8 +1,8 @@
 """The paper's claims, each judged against the paper's own tables and against our rows.
 
 A claimed reduction of p percent agrees with a row if the row's 95% interval (a printed value has
-none) meets p ± 0.5, what is rounded to p. Where that interval contains 0 as well, the row shows
-nothing, and the claim is open.
+none) meets p ± 0.5, what is rounded to p. Where that interval contains 0 as well, or where too few
+rounds give one, the row shows nothing, and the claim is open.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PAPER = Judge(
 
 def ours(bound: str) -> Judge:
     return Judge(
-        f"our rows, bound = {bound}",
+        f"our rows, bound: {BOUNDS[bound]}",
         bound,
         lambda row: row.reduction,
         lambda row: row.ours and row.ours.trace_s.median,
@@ -85,7 +85,7 @@ def claims(results: Results) -> Table:
 
 def _reductions(fig: Figure, judge: Judge) -> list[Estimate]:
     found = (judge.reduction(row) for row in fig.bound(judge.bound))
-    return [r for r in found if r is not None and r.n]
+    return [r for r in found if r is not None]
 
 
 def _judge_reduction(share: float, fig: Figure, judge: Judge) -> tuple[str, str]:
@@ -95,11 +95,11 @@ def _judge_reduction(share: float, fig: Figure, judge: Judge) -> tuple[str, str]
     low, high = share - ROUNDING, share + ROUNDING
 
     def relation(r: Estimate) -> str:
-        if _high(r) < low:
+        if r.high < low:
             return "less"
-        if _low(r) > high:
+        if r.low > high:
             return "more"
-        return "as claimed" if _low(r) > 0 else "open"
+        return "as claimed" if r.low > 0 else "open"
 
     count = Counter(map(relation, reductions))
     medians = [r.median for r in reductions]
@@ -139,19 +139,11 @@ def _judge_faster(figures: list[Figure], judge: Judge) -> tuple[str, str]:
     if not reductions:
         return NOTHING, "not measured"
     count = Counter(
-        "faster" if _low(r) > 0 else "slower" if _high(r) < 0 else "open" for r in reductions
+        "faster" if r.low > 0 else "slower" if r.high < 0 else "open" for r in reductions
     )
     if count["slower"]:
         return "fails", _shares(count)
     return ("open" if count["open"] else "holds"), _shares(count)
-
-
-def _low(reduction: Estimate) -> float:
-    return reduction.median if reduction.n == 1 else reduction.low
-
-
-def _high(reduction: Estimate) -> float:
-    return reduction.median if reduction.n == 1 else reduction.high
 
 
 def _across_rows(fig: Figure) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -9,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from harness import statistics
-from harness.results import Result, Results, paired
+from harness.results import Result, Results, ratio
 from harness.statistics import Estimate
 
-# How the paper names what we call by the value of the parameter `bound` of hybrid_sdsm. With none
-# the structure is the plain SDSM; "root" is the paper's Figure 6; "all" goes beyond it.
-BOUNDS = {"none": "No", "root": "Yes", "all": "every node"}
+# How all tables name a value of the parameter `bound` of hybrid_sdsm. With none the structure is
+# the plain SDSM; "root" is the paper's Figure 6; "all" goes beyond it.
+BOUNDS = {"none": "No", "root": "Yes (root)", "all": "Yes (every node)"}
+PRINTED_BOUNDS = {"none": "No", "root": "Yes"}  # the paper's words
 FIGURES = ("figure8", "figure9")
 
 
@@ -58,8 +60,9 @@ def figure(name: str, results: Results) -> Figure:
     rows = []
     for d, h in dict.fromkeys((d, h) for d, h, _ in paper):
         plain, paper_plain = find(results, model, d, h, "none"), paper[d, h, "No"]
-        for bound, label in BOUNDS.items():
-            ours, theirs = find(results, model, d, h, bound), paper.get((d, h, label))
+        for bound in BOUNDS:
+            ours = find(results, model, d, h, bound)
+            theirs = paper.get((d, h, PRINTED_BOUNDS.get(bound)))
             bounded = bound != "none"
             paper_reduction = (
                 1 - theirs["trace_s"] / paper_plain["trace_s"] if bounded and theirs else None
@@ -76,19 +79,31 @@ def find(results: Results, model: str, d: int, h: int, bound: str) -> Result | N
 
 
 def trace_reduction(before: Result, after: Result) -> Estimate:
-    """The share of the trace time that `after` saves, from values measured in the same rounds."""
-    return statistics.reduction(*paired(before, after, "trace_s"))
+    """The share of the trace time that `after` saves; negative where it takes longer."""
+    return ratio(after, before, "trace_s").map(lambda r: 1 - r)
 
 
 def pictures_to_break_even(plain: Result, bounded: Result) -> float:
-    """How many pictures pay for building the bounds."""
+    """How many pictures pay for building the bounds. NaN where the noise hides whether tracing
+    gains by them or, if it does, whether building them costs."""
+    built, traced = (ratio(bounded, plain, key) for key in ("build_s", "trace_s"))
+    if _is_one(traced) or (traced.median < 1 and _is_one(built)):
+        return math.nan
     return statistics.break_even(
-        bounded.build_s.median - plain.build_s.median,
-        plain.trace_s.median - bounded.trace_s.median,
+        (built.median - 1) * plain.build_s.median, (1 - traced.median) * plain.trace_s.median
     )
 
 
 def equally_fast(best: Result, other: Result) -> bool:
-    """Whether the measurements cannot tell the trace times apart."""
-    ratio = statistics.ratio(*paired(other, best, "trace_s"))
-    return ratio.n > 1 and ratio.low <= 1 <= ratio.high
+    """Whether the measurements cannot tell the trace times apart: by the interval of their
+    ratio or, where too few rounds give one, because they overlap."""
+    compared = ratio(other, best, "trace_s")
+    if not math.isnan(compared.low):
+        return _is_one(compared)
+    a, b = best.rows["trace_s"], other.rows["trace_s"]
+    return bool(a.min() <= b.max() and b.min() <= a.max())
+
+
+def _is_one(ratio: Estimate) -> bool:
+    """For all that is known; without an interval nothing is."""
+    return not (ratio.low > 1 or ratio.high < 1)

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from harness.figures import BOUNDS, FIGURES, Figure, figure
 from harness.results import Result, Results
@@ -26,7 +27,6 @@ COLOURS = {"none": "#000000", "root": "#0072B2", "all": "#D55E00"}
 MARKS = {"none": "o", "root": "s", "all": "^"}
 TIMES = {"trace_s": "trace", "total_s": "build + trace"}
 COUNTER_COLOURS = ["#56B4E9", "#E69F00", "#009E73", "#CC79A7"]
-LABELS = {"none": "no bound (SDSM)", "root": "bound of the root", "all": "bound of every node"}
 matplotlib.rcParams |= {
     "svg.hashsalt": "csgbench",
     "svg.fonttype": "none",
@@ -77,13 +77,13 @@ def times(fig: Figure) -> Canvas:
             style = {"color": COLOURS[bound], "marker": MARKS[bound], "markersize": 5}
             ours = [getattr(row.ours, key) if row.ours else _NONE for row in rows]
             in_ms, relative = _scaled(ours, 1e3), _scaled(ours, 1 / base["ours"])
-            _points(above, x + shift, in_ms, style | {"label": LABELS[bound]})
-            _points(below, x + shift, relative, style | {"label": f"ours, {LABELS[bound]}"})
+            _points(above, x + shift, in_ms, style | {"label": BOUNDS[bound]})
+            _points(below, x + shift, relative, style)
             if any(row.paper for row in rows):
                 theirs = [row.paper[key] / base["paper"] for row in rows]
                 below.plot(
                     x + shift, theirs, linestyle=":", markerfacecolor="white",
-                    **style, label=f"paper, {LABELS[bound]}",
+                    **style, label=BOUNDS[bound],
                 )  # fmt: skip
         above.set_title(f"{fig.model}: {what} time")
         above.set_ylabel("ms a picture")
@@ -91,11 +91,19 @@ def times(fig: Figure) -> Canvas:
         below.set_xlabel("d:h")
         below.set_xticks(x, names)
         for axis in (above, below):
-            axis.set_ylim(bottom=0)
+            axis.set_ylim(0, 1.25 * axis.dataLim.ymax)  # room for the legend
             axis.grid(axis="y", alpha=0.3)
-    axes[0, 0].legend(fontsize=8, loc="lower left")
-    axes[1, 0].legend(fontsize=7, ncols=2, loc="lower left")
+            axis.yaxis.set_major_formatter("{x:,.10g}")
+        _legend(above, "bound; bars: 95% interval")
+        _legend(below, "ours as above; the paper's, bound:")
     return canvas
+
+
+def _legend(axis: Axes, title: str) -> None:
+    axis.legend(
+        title=title, fontsize=8, title_fontsize=8, ncols=3, loc="upper center",
+        edgecolor="white", framealpha=1,
+    )  # fmt: skip
 
 
 _NONE = Estimate(np.nan, np.nan, np.nan, 0)
@@ -117,9 +125,9 @@ def _points(axis: Axes, x: np.ndarray, estimates: list[Estimate], style: dict) -
 
 
 def _reach(estimates: list[Estimate]) -> np.ndarray:
-    """(2, n): how far the interval reaches below and above the median; 0 where there is none."""
+    """(2, n): how far the interval reaches below and above the median; NaN where there is none."""
     reach = [(e.median - e.low, e.high - e.median) for e in estimates]
-    return np.nan_to_num(np.array(reach).T).clip(0)
+    return np.array(reach).T.clip(0)
 
 
 def heat_maps(model: str, grid: Results) -> Canvas:
@@ -144,14 +152,15 @@ def heat_maps(model: str, grid: Results) -> Canvas:
                 column, row, marker="*", markersize=15, color="white", markeredgecolor="black"
             )
             best = f"{d_values[row]}:{h_values[column]}, {number(cells[row, column])} ms"
-            axis.set_title(f"{LABELS[bound]}\nbest {best}", fontsize=9)
+            axis.set_title(f"bound: {BOUNDS[bound]}\nbest {best}", fontsize=9)
             axis.set_xticks(range(len(h_values)), h_values)
             axis.set_yticks(range(len(d_values)), d_values)
             axis.set_xlabel("h, halfspaces in a terminal cell")
             axis.set_ylabel("d, levels of subdivision")
         bar = canvas.colorbar(image, ax=line, label=f"{what}, ms a picture (log)")
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
         bar.ax.yaxis.set_major_formatter("{x:,.10g}")
-        bar.ax.yaxis.set_minor_formatter("{x:,.10g}")
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
     size = everything[0].configuration
     canvas.suptitle(
         f"{model}, {size.width}×{size.height}: the optimum over d and h (star); blank: not tabled"
@@ -170,11 +179,12 @@ def schemes(model: str, results: Results) -> Canvas:
     colours = ["#BBBBBB" if r.scheme in results.inexact else "#0072B2" for r in ordered]
     left.barh(y, medians, xerr=_reach(traced), color=colours, height=0.6, capsize=2)
     left.set_xscale("log")
-    left.set_xlim(min(medians) / 2, max(medians) * 4)
-    for position, value in zip(y, medians, strict=True):
+    ends = [np.nanmax([estimate.median, estimate.high]) for estimate in traced]
+    left.set_xlim(min(medians) / 2, max(ends) * 4)  # room for the last number
+    for position, value, end in zip(y, medians, ends, strict=True):
         left.annotate(
             f"{number(value)} ms",
-            (value, position),
+            (end, position),
             (6, 0),
             textcoords="offset points",
             va="center",
@@ -187,9 +197,12 @@ def schemes(model: str, results: Results) -> Canvas:
         work = [per_ray(r)[i] or np.nan for r in ordered]
         right.plot(work, y + 0.18 * (1.5 - i), "osD^"[i], color=colour, label=word)
     right.set_xscale("log")
-    right.set_xlabel("operations a ray (log)")
+    right.set_xlabel("operations a ray (log); no mark: none")
     right.set_title("work")
-    right.legend(fontsize=8, loc="best")
+    right.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    right.tick_params(axis="y", length=0)
+    for position in y[1:]:
+        right.axhline(position - 0.5, color="black", alpha=0.1, linewidth=0.8)
     for axis in (left, right):
         axis.grid(axis="x", alpha=0.3)
         axis.xaxis.set_major_formatter("{x:,.10g}")
@@ -198,7 +211,8 @@ def schemes(model: str, results: Results) -> Canvas:
 
 def _scheme_label(result: Result, results: Results) -> str:
     name = f"{result.scheme} (inexact)" if result.scheme in results.inexact else result.scheme
-    return f"{name}\n{parameters(result)}" if result.params else name
+    shown = parameters(result, results)
+    return f"{name}\n{shown}" if shown else name
 
 
 def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
@@ -217,8 +231,8 @@ def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
         axis.axis("off")
     for axis, (result, picture) in zip(axes.flat, pictures, strict=False):
         image = axis.imshow(np.maximum(picture, 1), norm=norm, cmap="magma")
-        mean = f"mean {number(picture.mean())}"
-        axis.set_title(f"{result.scheme}\n{parameters(result)}\n{mean}", fontsize=8)
+        lines = [_scheme_label(result, results), f"mean {number(picture.mean())}"]
+        axis.set_title("\n".join(lines), fontsize=8)
     bar = canvas.colorbar(image, ax=axes, shrink=0.7)
     bar.set_label("primitive tests a pixel, all its rays (log)")
     bar.ax.yaxis.set_major_formatter("{x:,.10g}")

@@ -10,7 +10,14 @@ from harness.claims import claims
 from harness.figures import FIGURES, figure
 from harness.results import Results
 from harness.results import load as load_results
-from harness.scheme_tables import machine, references, schemes, work
+from harness.scheme_tables import (
+    constants,
+    fastest_exact,
+    machine,
+    references,
+    schemes,
+    work,
+)
 from harness.schemes import catalogue
 from harness.store import Store
 from harness.table import Table, latex_text
@@ -51,6 +58,8 @@ def all_tables(paper: Results, grid: Results, counted: dict[str, dict]) -> list[
         optimum(figures.values(), grid),
         break_even(figures.values()),
         *(schemes(model, paper) for model in counted),
+        fastest_exact(paper),
+        constants(paper),
         work(paper),
         references(paper),
         machine(paper),

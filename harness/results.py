@@ -8,6 +8,7 @@ failed against the POV-Ray reference is left out altogether.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +16,7 @@ from typing import Any
 
 import pandas as pd
 
+from harness import statistics
 from harness.statistics import Estimate, estimate
 from harness.store import Store
 from harness.study import Configuration, Study
@@ -63,6 +65,12 @@ class Result:
         """Of one picture; empty if repeat 0 has no row."""
         return next(map(json.loads, self.rows["counters"].dropna()), {})
 
+    @property
+    def mesh_s(self) -> float | None:
+        """To make the mesh that the scheme traces, if it traces one."""
+        made = self.rows["mesh_s"].dropna()
+        return None if made.empty else float(made.median())
+
     @cached_property
     def build_s(self) -> Estimate:
         return estimate(self.rows["build_s"])
@@ -82,6 +90,18 @@ def paired(a: Result, b: Result, key: str) -> tuple[pd.Series, pd.Series]:
     return pairs[f"{key}_a"], pairs[f"{key}_b"]
 
 
+def ratio(a: Result, b: Result, key: str) -> Estimate:
+    """How many times b's value a's is: the median over the rounds that measured both. Where these
+    are too few, the ratio of the medians, without an interval; so is 1 to itself."""
+    if a.configuration == b.configuration:
+        return Estimate(1.0, math.nan, math.nan, len(a.rows))
+    of_a, of_b = paired(a, b, key)
+    if len(of_a) >= statistics.LEAST:
+        return statistics.ratio(of_a, of_b)
+    medians = (getattr(result, key).median for result in (a, b))
+    return statistics.ratio(*([median] for median in medians))
+
+
 @dataclass(frozen=True)
 class Results:
     """A study's results, all of one version of the code."""
@@ -96,6 +116,19 @@ class Results:
     @property
     def tabled(self) -> list[Result]:
         return [result for result in self.all if result.ok]
+
+    @cached_property
+    def constant(self) -> dict[str, dict[str, int | str]]:
+        """By scheme, the parameters that have one value in the whole study."""
+        values: dict[str, dict[str, set]] = {}
+        for result in self.all:
+            of_scheme = values.setdefault(result.scheme, {})
+            for name, value in result.params.items():
+                of_scheme.setdefault(name, set()).add(value)
+        return {
+            scheme: {name: next(iter(found)) for name, found in params.items() if len(found) == 1}
+            for scheme, params in values.items()
+        }
 
     def refusals(self) -> list[str]:
         """One line for everything that was measured and is not tabled."""

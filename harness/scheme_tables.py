@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import json
 
-from harness import statistics
-from harness.results import Result, Results, paired
-from harness.table import Column, Table, integer, megabytes, milliseconds, number, scientific
+from harness.figures import equally_fast
+from harness.results import Result, Results, ratio
+from harness.table import (
+    Column,
+    Table,
+    integer,
+    megabytes,
+    milliseconds,
+    number,
+    scientific,
+    times,
+)
 
 COUNTERS = {
     "cells_entered": "cells",
@@ -14,7 +23,11 @@ COUNTERS = {
     "primitives_tested": "primitives",
     "booleans_evaluated": "Booleans",
 }
-INTERVAL = "In brackets: 95% interval of the median."
+INTERVAL = "In brackets: 95% interval of the median, from three values on."
+AS_FAST = (
+    '"as fast": the 95% interval of the paired ratio to the fastest contains 1; where too few '
+    "rounds give one, the times overlap."
+)
 _SCHEME = Column("scheme", "scheme", align="l")
 _PARAMETERS = Column("parameters", "parameters", align="l")
 
@@ -24,11 +37,12 @@ def schemes(model: str, results: Results) -> Table:
     naive, best = results.find(model, "naive"), fastest(model, results)
     rows = []
     for r in best:
-        speedup = statistics.ratio(*paired(naive, r, "trace_s")) if naive else None
+        speedup = ratio(naive, r, "trace_s") if naive else None
         inexact = r.scheme in results.inexact
         rows.append([
-            f"{r.scheme} (inexact)" if inexact else r.scheme, parameters(r), r.build_s, r.trace_s,
-            speedup, 1e9 * r.trace_s.median / r.rays, r.structure_bytes, *per_ray(r), repeats(r),
+            f"{r.scheme} (inexact)" if inexact else r.scheme, parameters(r, results),
+            r.mesh_s, r.build_s, r.trace_s, speedup,
+            1e9 * r.trace_s.median / r.rays, r.structure_bytes, *per_ray(r), repeats(r),
         ])  # fmt: skip
     measured = {r.scheme for r in best}
     missing = {r.scheme: r for r in results.all if r.model == model and r.scheme not in measured}
@@ -36,9 +50,10 @@ def schemes(model: str, results: Results) -> Table:
     columns = [
         _SCHEME,
         _PARAMETERS,
+        Column("mesh_s", "mesh s", number),
         Column("build_s", "build ms", milliseconds),
         Column("trace_s", "trace ms", milliseconds),
-        Column("speedup", "times naive", number),
+        Column("speedup", "times naive", times),
         Column("ray_ns", "ns/ray", number),
         Column("structure_bytes", "MB", megabytes),
         *_per_ray_columns(),
@@ -47,7 +62,9 @@ def schemes(model: str, results: Results) -> Table:
     notes = [
         f"Each scheme with the fastest of its parameters in this study. {INTERVAL} Work is a "
         "ray's, primary and shadow rays alike. An inexact scheme answers another question: the "
-        "surface of a mesh, whose making is not in the build time.",
+        "surface of a mesh. Making that takes the time under mesh, on all cores and once; it is "
+        "not in the build time.",
+        *_constants(results),
         *notes,
     ]
     return Table(f"schemes_{model}", f"All schemes on {model}", columns, rows, notes)
@@ -64,12 +81,44 @@ def fastest(model: str, results: Results) -> list[Result]:
     return list(best.values())
 
 
+def fastest_exact(results: Results) -> Table:
+    """The winner on each model, and what the measurement cannot tell from it."""
+    rows = []
+    for model in results.study.models:
+        ranked = [r for r in fastest(model, results) if r.scheme not in results.inexact]
+        if not ranked:
+            continue
+        best, others = ranked[0], ranked[1:]
+        naive = results.find(model, "naive")
+        ties = ", ".join(r.scheme for r in others if equally_fast(best, r))
+        rows.append([
+            model, best.scheme, parameters(best, results), best.trace_s,
+            naive and ratio(naive, best, "trace_s"), ties or None,
+            *((others[0].scheme, ratio(others[0], best, "trace_s")) if others else (None, None)),
+        ])  # fmt: skip
+    columns = [
+        Column("model", "model", align="l"),
+        _SCHEME,
+        _PARAMETERS,
+        Column("trace_s", "trace ms", milliseconds),
+        Column("speedup", "times naive", times),
+        Column("ties", "as fast", align="l"),
+        Column("next", "scheme", align="l", group="next"),
+        Column("lead", "times the fastest's time", number, group="next"),
+    ]
+    title = "The fastest exact scheme on each model"
+    return Table("fastest", title, columns, rows, [f"{INTERVAL} {AS_FAST}"])
+
+
 def work(results: Results) -> Table:
     """Work a ray, memory and build time of every configuration."""
     rows = [
-        [r.model, r.scheme, parameters(r), *per_ray(r), r.build_s, r.trace_s, r.structure_bytes]
+        [
+            r.model, r.scheme, parameters(r, results), *per_ray(r),
+            r.build_s, r.trace_s, r.structure_bytes,
+        ]
         for r in results.tabled
-    ]
+    ]  # fmt: skip
     columns = [
         Column("model", "model", align="l"),
         _SCHEME,
@@ -80,11 +129,13 @@ def work(results: Results) -> Table:
         Column("structure_bytes", "MB", megabytes),
     ]
     title = "Work a ray, build time and memory of every configuration"
-    return Table("work", title, columns, rows, [INTERVAL], keys=3)
+    return Table("work", title, columns, rows, [INTERVAL, *_constants(results)], keys=3)
 
 
 def _per_ray_columns() -> list[Column]:
-    return [Column(f"{key}_per_ray", f"{word}/ray", number) for key, word in COUNTERS.items()]
+    return [
+        Column(f"{key}_per_ray", word, number, group="per ray") for key, word in COUNTERS.items()
+    ]
 
 
 def repeats(result: Result) -> str:
@@ -96,9 +147,26 @@ def per_ray(result: Result) -> list[float | None]:
     return [counters[key] / result.rays if counters else None for key in COUNTERS]
 
 
-def parameters(result: Result) -> str:
-    """`bound=root d=5 h=10`."""
-    return " ".join(f"{name}={value}" for name, value in result.params.items())
+def parameters(result: Result, results: Results) -> str:
+    """`bound=root d=5 h=10`: those that the study varies."""
+    constant = results.constant[result.scheme]
+    return _listed({k: v for k, v in result.params.items() if k not in constant})
+
+
+def _listed(params: dict[str, int | str]) -> str:
+    return " ".join(f"{name}={value}" for name, value in params.items())
+
+
+def _constants(results: Results) -> list[str]:
+    """A note on the parameters that no label has."""
+    constant = [f"{s} {_listed(params)}" for s, params in results.constant.items() if params]
+    return [f"The same in the whole study: {'; '.join(constant)}."] if constant else []
+
+
+def constants(results: Results) -> Table:
+    rows = [[scheme, _listed(params)] for scheme, params in results.constant.items() if params]
+    columns = [_SCHEME, _PARAMETERS]
+    return Table("constant", "Parameters with one value in the whole study", columns, rows)
 
 
 def references(results: Results) -> Table:

@@ -3,7 +3,8 @@
 The interval of a median is distribution-free where the number of values allows it: a pair of order
 statistics. Five values do not: even minimum to maximum covers the median with 1 - 2 / 2^5 = 93.75%.
 Below six values it is therefore Student's t on the logarithms (timing noise is multiplicative), a
-little wider than minimum to maximum; it always contains the median of so few values.
+little wider than minimum to maximum; it always contains the median of so few values. Fewer than
+three values get none: with one degree of freedom it would span orders of magnitude.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 CONFIDENCE = 0.95
+LEAST = 3  # this many values, or pairs of values, for an interval
 # 97.5% quantiles of Student's t, by degrees of freedom.
-_STUDENT_T = {1: 12.7062, 2: 4.3027, 3: 3.1824, 4: 2.7764}
+_STUDENT_T = {2: 4.3027, 3: 3.1824, 4: 2.7764}
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A median of n values and its 95% interval, whose ends are NaN where n is 1."""
+    """A median of n values and its 95% interval, whose ends are NaN where n < LEAST."""
 
     median: float
     low: float
@@ -40,8 +42,8 @@ def estimate(values: Sequence[float]) -> Estimate:
     if len(x) == 0:
         return Estimate(math.nan, math.nan, math.nan, 0)
     median = float(np.median(x))
-    if len(x) == 1:
-        return Estimate(median, math.nan, math.nan, 1)
+    if len(x) < LEAST:
+        return Estimate(median, math.nan, math.nan, len(x))
     if len(x) - 1 in _STUDENT_T:
         logs = np.log(x)
         reach = _STUDENT_T[len(x) - 1] * logs.std(ddof=1) / math.sqrt(len(x))
@@ -67,17 +69,10 @@ def ratio(numerators: Sequence[float], denominators: Sequence[float]) -> Estimat
     return estimate(np.asarray(numerators, float) / np.asarray(denominators, float))
 
 
-def reduction(before: Sequence[float], after: Sequence[float]) -> Estimate:
-    """Median share by which `after` is less than `before`, paired; negative where it is more."""
-    return ratio(after, before).map(lambda r: 1 - r)
-
-
 def break_even(build_cost: float, trace_gain: float) -> float:
     """How many pictures must be traced until what was spent on building is gained back.
 
     build_cost: further seconds to build; trace_gain: seconds saved a picture. Infinite if there is
-    no gain, 0 if building costs nothing more.
+    no gain, 0 if there is one and building costs nothing more.
     """
-    if build_cost <= 0:
-        return 0.0 if trace_gain >= 0 else math.inf
-    return build_cost / trace_gain if trace_gain > 0 else math.inf
+    return max(build_cost, 0.0) / trace_gain if trace_gain > 0 else math.inf

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +23,7 @@ class Column:
     heading: str  # for people, with the unit that `show` converts to
     show: Callable[[Any], str] = str
     align: str = "r"
+    group: str = ""  # a word for this and the neighbours of the same group: "paper", "ours"
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,8 @@ class Table:
 
     def markdown(self) -> str:
         rule = ["---:" if column.align == "r" else "---" for column in self.columns]
-        lines = [[column.heading for column in self.columns], rule, *self._shown()]
+        headings = [": ".join(filter(None, (c.group, c.heading))) for c in self.columns]
+        lines = [headings, rule, *self._shown()]
         table = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
         notes = "".join(f"\n{note}\n" for note in self.notes)
         return f"### {self.title}\n\n{table}\n{notes}"
@@ -55,18 +59,23 @@ class Table:
 
     def latex(self) -> str:
         """A tabular with booktabs rules; the caption is the paper's business."""
+        shown = [[latex_text(cell) for cell in cells] for cells in self._shown()]
+        widest = [max(map(len, cells)) for cells in zip(*self._shown(), strict=True)]
+        widest = widest or [0] * len(self.columns)
+        headings = [_latex_heading(*of) for of in zip(self.columns, widest, strict=True)]
         lines = [
             rf"% {self.title}",
             rf"\begin{{tabular}}{{{''.join(c.align for c in self.columns)}}}",
+            r"\toprule",
+            *_latex_groups(self.columns),
         ]
-        lines += [r"\toprule", _latex_row([column.heading for column in self.columns]), r"\midrule"]
-        lines += [_latex_row(cells) for cells in self._shown()]
+        lines += [_latex_row(headings), r"\midrule", *map(_latex_row, shown)]
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
     def values(self) -> Iterator[tuple[str, str]]:
         """Every cell as shown, by its path `name/row/column` without %; ends of intervals too."""
         for row in self.rows:
-            about = " ".join(map(str, row[: self.keys])).replace("%", "")
+            about = " ".join(str(key) for key in row[: self.keys] if key != "").replace("%", "")
             for column, value in zip(self.columns[self.keys :], row[self.keys :], strict=True):
                 path = f"{self.name}/{about}/{column.key}"
                 if isinstance(value, Estimate):
@@ -93,17 +102,51 @@ def _show(column: Column, value: Value) -> str:
         if _is_nothing(value.low):
             return text
         return f"{text} [{column.show(value.low)}, {column.show(value.high)}]"
-    return NOTHING if _is_nothing(value) else column.show(value)
+    if _is_nothing(value):
+        return NOTHING
+    return value if isinstance(value, str) else column.show(value)
 
 
 def _latex_row(cells: list[str]) -> str:
-    return " & ".join(map(latex_text, cells)) + r" \\"
+    return " & ".join(cells) + r" \\"
+
+
+def _latex_groups(columns: list[Column]) -> list[str]:
+    """The words above the headings and the rules under them; nothing where there are none."""
+    cells, rules, first = [], [], 1
+    for group, members in itertools.groupby(columns, key=lambda column: column.group):
+        last = first + len(list(members)) - 1
+        if group:
+            cells.append(rf"\multicolumn{{{last - first + 1}}}{{c}}{{{latex_text(group)}}}")
+            rules.append(rf"\cmidrule(lr){{{first}-{last}}}")
+        else:
+            cells += [""] * (last - first + 1)
+        first = last + 1
+    return [_latex_row(cells), "".join(rules)] if rules else []
+
+
+def _latex_heading(column: Column, widest: int) -> str:
+    """On two lines where it is wider than what stands below; the break nearest the middle."""
+    heading = column.heading
+    spaces = [i for i, mark in enumerate(heading) if mark == " "]
+    if column.align != "r" or len(heading) <= widest or not spaces:
+        return latex_text(heading)
+    at = min(spaces, key=lambda i: abs(2 * i + 1 - len(heading)))
+    above, below = latex_text(heading[:at]), latex_text(heading[at + 1 :])
+    # \hfill and not \shortstack[r]: in paper.tex a bracket starts an interval.
+    return rf"\shortstack{{\hfill\strut {above}\\\hfill\strut {below}}}"
 
 
 def latex_text(text: str) -> str:
     for mark in "&%#_$":
         text = text.replace(mark, "\\" + mark)
+    text = re.sub(r"\b(\d\.\d)e([+-]\d+)\b", _power_of_ten, text)
+    text = re.sub(r"(?<![\w.{-])-(?=\d)", "$-$", text)
     return text.replace(NOTHING, "--").replace("×", r"$\times$").replace("∞", r"$\infty$")
+
+
+def _power_of_ten(found: re.Match) -> str:
+    return rf"${found[1]}\times10^{{{int(found[2])}}}$" if int(found[2]) else found[1]
 
 
 # How values are shown. All take SI units or shares of one.
@@ -135,4 +178,9 @@ def integer(value: float) -> str:
 
 
 def scientific(value: float) -> str:
-    return f"{value:.1e}"
+    return f"{value:.1e}" if value else "0"
+
+
+def times(value: float) -> str:
+    """How many times; 1 only for what is compared with itself."""
+    return "1" if value == 1 else number(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -15,8 +16,8 @@ from harness.figures import (
     pictures_to_break_even,
     printed,
 )
-from harness.results import Result, Results, paired
-from harness.scheme_tables import INTERVAL, repeats
+from harness.results import Result, Results, ratio
+from harness.scheme_tables import AS_FAST, INTERVAL, repeats
 from harness.table import Column, Table, integer, milliseconds, number, percent
 
 _MODEL = Column("model", "model", align="l")
@@ -39,10 +40,10 @@ def characteristics(results: Results, models: dict[str, dict]) -> Table:
     columns = [
         _MODEL,
         Column("size", "resolution"),
-        Column("paper_nodes", "tree nodes, paper", integer),
-        Column("nodes", "ours", integer),
-        Column("paper_halfspaces", "halfspaces, paper", integer),
-        Column("halfspaces", "ours", integer),
+        Column("paper_nodes", "paper", integer, group="tree nodes"),
+        Column("nodes", "ours", integer, group="tree nodes"),
+        Column("paper_halfspaces", "paper", integer, group="halfspaces"),
+        Column("halfspaces", "ours", integer, group="halfspaces"),
         Column("kinds", "halfspace types", align="l"),
     ]
     return Table("figure7", "Figure 7: model characteristics", columns, rows)
@@ -62,20 +63,20 @@ def timing(name: str, fig: Figure) -> Table:
     columns = [
         Column("d:h", "d:h", align="l"),
         _BOUND,
-        Column("paper_build_s", "paper: build s", "{:.2f}".format),
-        Column("paper_trace_s", "trace s", "{:.2f}".format),
-        Column("paper_total_s", "total s", "{:.2f}".format),
-        Column("paper_reduction", "saved %", percent),
-        Column("build_s", "ours: build ms", milliseconds),
-        Column("trace_s", "trace ms", milliseconds),
-        Column("total_s", "total ms", milliseconds),
-        Column("reduction", "saved %", percent),
-        Column("repeats", "repeats"),
+        Column("paper_build_s", "build s", "{:.2f}".format, group="paper"),
+        Column("paper_trace_s", "trace s", "{:.2f}".format, group="paper"),
+        Column("paper_total_s", "total s", "{:.2f}".format, group="paper"),
+        Column("paper_reduction", "saved %", percent, group="paper"),
+        Column("build_s", "build ms", milliseconds, group="ours"),
+        Column("trace_s", "trace ms", milliseconds, group="ours"),
+        Column("total_s", "total ms", milliseconds, group="ours"),
+        Column("reduction", "saved %", percent, group="ours"),
+        Column("repeats", "repeats", group="ours"),
     ]
     notes = [
         '"saved" is of the trace time, by the bound, at the same d:h; ours from pairs measured in '
-        f"the same round. {INTERVAL} Bound: Yes is the S-bound of the root (the paper's Figure "
-        "6), every node goes beyond the paper."
+        f"the same round. {INTERVAL} Yes (root) is the S-bound of the root of each cell's tree, "
+        "the paper's Figure 6; Yes (every node) goes beyond the paper."
     ]
     title = f"Figure {name.removeprefix('figure')}: timing data of model {fig.model}"
     return Table(name, title, columns, rows, notes, keys=2)
@@ -88,18 +89,15 @@ def reductions(figures: Iterable[Figure]) -> Table:
         for bound in ("root", "all"):
             group = fig.bound(bound)
             theirs = [r.paper_reduction for r in group if r.paper_reduction is not None]
-            ours = [r.reduction.median for r in group if r.reduction and r.reduction.n]
-            rows.append(
-                [fig.model, bound, *_spread(theirs), *_spread(ours), _build_ratio(fig, group)]
-            )
+            ours = [r.reduction.median for r in group if r.reduction]
+            about = [fig.model, BOUNDS[bound]]
+            rows.append([*about, *_spread(theirs), *_spread(ours), _build_ratio(fig, group)])
     columns = [_MODEL, _BOUND]
-    for prefix, heading in (("paper_", "paper: "), ("", "ours: ")):
+    for prefix, group in (("paper_", "paper, saved %"), ("", "ours, saved %")):
         columns += [
-            Column(f"{prefix}mean", f"{heading}saved %, mean", percent),
-            Column(f"{prefix}least", "least", percent),
-            Column(f"{prefix}most", "most", percent),
+            Column(f"{prefix}{key}", key, percent, group=group) for key in ("mean", "least", "most")
         ]
-    columns.append(Column("build_ratio", "build time, times", number))
+    columns.append(Column("build_ratio", "times the build time", number))
     title = "What the bound saves of the trace time, over the rows of Figures 8 and 9"
     return Table("reductions", title, columns, rows, keys=2)
 
@@ -112,7 +110,7 @@ def _build_ratio(fig: Figure, group: list[Row]) -> float | None:
     """Median over the rows: building with the bound against building without it."""
     plain = {row.name: row.ours for row in fig.bound("none")}
     pairs = [(row.ours, plain[row.name]) for row in group if row.ours and plain[row.name]]
-    ratios = [statistics.ratio(*paired(a, b, "build_s")).median for a, b in pairs]
+    ratios = [ratio(a, b, "build_s").median for a, b in pairs]
     return float(np.median(ratios)) if ratios else None
 
 
@@ -136,15 +134,15 @@ def optimum(figures: Iterable[Figure], grid: Results) -> Table:
     columns = [
         _MODEL,
         _BOUND,
-        Column("paper_trace", "paper: by trace"),
-        Column("paper_total", "by total"),
-        Column("trace", "ours: by trace"),
-        Column("trace_ties", "as fast"),
-        Column("total", "by total"),
-        Column("grid_trace", "grid study: by trace"),
-        Column("grid_total", "by total"),
+        Column("paper_trace", "by trace", group="paper"),
+        Column("paper_total", "by total", group="paper"),
+        Column("trace", "by trace", group="ours"),
+        Column("trace_ties", "as fast", group="ours"),
+        Column("total", "by total", group="ours"),
+        Column("grid_trace", "by trace", group="ours, grid study"),
+        Column("grid_total", "by total", group="ours, grid study"),
     ]
-    notes = ['"as fast": the 95% interval of the paired ratio to the fastest contains 1.']
+    notes = [AS_FAST]
     return Table(
         "optimum", "The best d:h, with and without the time to build", columns, rows, notes, 2
     )
@@ -178,18 +176,27 @@ def break_even(figures: Iterable[Figure]) -> Table:
             )
             pictures = pictures_to_break_even(base.ours, ours) if ours and base.ours else None
             rays = None if pictures is None else pictures * ours.rays
-            rows.append([fig.model, row.name, BOUNDS[row.bound], paper_pictures, pictures, rays])
+            counts = map(_or_word, (paper_pictures, pictures, rays))
+            rows.append([fig.model, row.name, BOUNDS[row.bound], *counts])
     columns = [
         _MODEL,
         Column("d:h", "d:h", align="l"),
         _BOUND,
-        Column("paper_pictures", "paper: pictures", number),
-        Column("pictures", "ours: pictures", number),
-        Column("rays", "ours: rays", integer),
+        Column("paper_pictures", "pictures", number, group="paper"),
+        Column("pictures", "pictures", number, group="ours"),
+        Column("rays", "rays", integer, group="ours"),
     ]
     notes = [
-        "(build with bound − build without) / (trace without − trace with), medians; a picture is "
-        "512×512 with the shadow rays of two lights. ∞: the bound saves no time."
+        "(build with bound − build without) / (trace without − trace with), the differences from "
+        "pairs measured in the same round; a picture is 512×512 with the shadow rays of two "
+        "lights. never: tracing is no faster with the bound. 0: it is, and building costs no more. "
+        "open: the 95% interval of one of the two differences contains 0."
     ]
     title = "Number of pictures and of rays from which the bound pays"
     return Table("break_even", title, columns, rows, notes, keys=3)
+
+
+def _or_word(pictures: float | None) -> float | str | None:
+    if pictures is None or math.isfinite(pictures):
+        return pictures
+    return "never" if math.isinf(pictures) else "open"
