@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -71,7 +73,7 @@ def sweep(
     """Measure everything in a study that has no row yet, then check the pictures and report.
 
     It can be stopped at any moment; the same command goes on from there. A trial that fails leaves
-    a row with the reason, and the others go on.
+    a row with the reason, and the others go on; the exit code is then 1.
 
     \b
     csgbench sweep             Figures 8 and 9 and the baselines
@@ -98,6 +100,8 @@ def sweep(
             _check(results, planned.pictures, missing_only=True)
             _tables(study, results)
             _plots(study, results)
+        if shown.statuses.keys() - {"ok", "unsupported"}:
+            raise typer.Exit(1)
 
 
 @app.command()
@@ -229,6 +233,8 @@ def _publish(wanted: bool, folder: Path) -> None:
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["trace"]:  # C++ does not look for Ctrl-C, and there is nothing to keep
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     app()
 
 

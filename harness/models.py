@@ -44,7 +44,13 @@ def from_file(path: Path) -> tuple[tracers.CsgTree, Scene]:
         raise UserError(f"no scene '{path}'; known: {names}, or the path of a .scad or .csg file")
     if not path.is_file():
         raise UserError(f"{path}: no such file")
-    loaded = tracers.load_csg(str(to_csg(path, CACHE)))
+    csg = to_csg(path, CACHE)
+    try:
+        loaded = tracers.load_csg(str(csg))
+    except tracers.ModelError as error:
+        # The place is one in what OpenSCAD made of the file, which the user has never seen.
+        name = str(path) if csg == path else f"{path} (as evaluated by OpenSCAD)"
+        raise UserError(str(error).replace(str(csg), name)) from None
     return loaded, frame(loaded, path)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -46,7 +47,7 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
         name, equals, text = setting.partition("=")
         if not equals:
             raise UserError(f"'{setting}' is not of the form name=value, such as d=5")
-        given[name] = int(text) if text.lstrip("-").isdecimal() else text
+        given[name] = int(text) if re.fullmatch(r"[+-]?[0-9]+", text) else text
     return complete(scheme, given)
 
 

@@ -6,7 +6,7 @@
 
     [[runs]]
     models = ["ball"]           # names in models/scenes.toml
-    schemes = "hybrid_sdsm"     # one name or several
+    schemes = "hybrid_sdsm"     # one name or several; "others": all that no other run names
     params = [{ d = 5, h = [10, 15], bound = ["root", "all"] }]   # a list means every value
 
 Every model is combined with every scheme and every set of parameters; what a scheme declares
@@ -23,10 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from harness import ROOT, UserError
-from harness.schemes import Params, canonical, complete
+from harness.schemes import Params, canonical, catalogue, complete
 
 FOLDER = ROOT / "harness" / "sweeps"
 SHAPES = ("as_written", "balanced")
+OTHERS = "others"
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,9 @@ def load(path: Path) -> Study:
         _only(path, where, run, {"models", "schemes", "params", *_SETTINGS})
         settings = defaults | _settings(path, where, run)
         models, schemes = _names(path, where, run, "models"), _names(path, where, run, "schemes")
+        if schemes == [OTHERS]:
+            named = {name for other in runs for name in _names(path, where, other, "schemes")}
+            schemes = [name for name in catalogue() if name not in named]
         for model, scheme, given in itertools.product(
             models, schemes, _parameter_sets(path, where, run)
         ):

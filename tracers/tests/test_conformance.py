@@ -30,6 +30,12 @@ def grid(scheme: "tracers.Scheme") -> list[dict]:
     ]
 
 
+def test_every_parameter_has_values_to_try() -> None:
+    for scheme in tracers.schemes():
+        for parameter in scheme.parameters:
+            assert parameter.trial_values, f"{scheme.name}: {parameter.name} has no trial_values"
+
+
 def differing(expected: "tracers.Hits", got: "tracers.Hits") -> np.ndarray:
     """Indices of rays whose leaf, or any bit of whose t, differs."""
     same_t = expected.t.view(np.uint64) == got.t.view(np.uint64)
