@@ -192,3 +192,16 @@ def test_embree_takes_no_ray_that_makes_it_abort() -> None:
     assert (tracer.trace(rays).leaf >= 0).tolist() == hit
     assert tracer.occluded(rays).tolist() == hit
     assert (tracer.trace(np.full((3, 8), NAN)).leaf == -1).all()
+
+
+@pytest.mark.xfail(strict=True, reason="cone shell of 2e-12: naive hits, schemes miss")
+def test_a_thin_cone_shell_is_one_answer() -> None:
+    """Found by `make conformance`: 1 ray of 1,000,000 in the family thin_shells."""
+    seed = [802, zlib.crc32(b"thin_shells")]
+    tree = FAMILIES["thin_shells"](np.random.default_rng(seed))
+    origin = [0.2654752294823054, -0.5762141162695154, -0.3401157480830179]
+    direction = [-0.0007012583419383993, 0.0022915656785305093, 0.004556755134074607]
+    ray = np.array([[*origin, *direction, 0, 481.42167980323325]])
+    expected = tracers.make("naive", tree).trace(ray)
+    for name, params, tracer in all_tracers(tree, 0):
+        assert_same(tree, name, params, tracer, ray, expected)
