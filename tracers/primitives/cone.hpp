@@ -23,7 +23,8 @@ Crossings crossings(const double* size, Line<Real> line) {
   const Real c = (rho - w) * (rho + w);
   const Real mx = line.ox * dw - w * line.dx, my = line.oy * dw - w * line.dy;
   const Real m = std::sqrt(mx * mx + my * my), n = std::fabs(line.ox * line.dy - line.oy * line.dx);
-  const Real discriminant = (m - n) * (m + n);
+  // Where −ac adds to b² nothing cancels, and along a generator only this form is consistent with a.
+  const Real discriminant = (a < 0) != (c < 0) ? b * b - a * c : (m - n) * (m + n);
 
   constexpr Real kEnd = std::numeric_limits<Real>::infinity();
   if (a > 0) {  // shallower than the cone: one chord
