@@ -30,7 +30,7 @@ check: setup  ## style and lint
 	@$(VENV)/bin/ruff format --check harness generators tracers
 
 conformance: setup  ## all exact schemes against naive, RAYS=1000000 a family and scheme
-	@$(PYTHON) -m pytest tracers/tests/test_conformance.py --rays $(RAYS)
+	@$(PYTHON) -m pytest tracers/tests/test_conformance.py tracers/tests/test_conformance_scenes.py --rays $(RAYS)
 
 reference: setup  ## render POV-Ray's pictures and compare ours with them
 	@$(BENCH) reference

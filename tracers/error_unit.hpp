@@ -1,11 +1,14 @@
-// The one place where rounding is turned into tolerances (rules 3, 9 and 12 of the hit rule).
+// The one place where rounding is turned into tolerances (rules 3, 9 and 12 of the hit rule), and the
+// knobs by which the accuracy study turns it off.
 //
 // Nothing else in the tracers compares against a small number: every tolerance is a multiple of
 // E = u·(|o| + size), so that a scene scaled by a power of two gives bit-identical answers.
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "vec.hpp"
 
@@ -15,40 +18,81 @@ namespace csg {
 template <class Real>
 inline constexpr Real kUnitRoundoff = std::numeric_limits<Real>::epsilon() / 2;
 
-/// Crossings of planes that are the same in the source differ by at most 3 to 4 E (measured); the
-/// band is four times as wide.
-inline constexpr double kBandInE = 16;
-
-/// A band is widened by 1/cos θ where the surface is grazed, and no further than this.
-inline constexpr double kMinCosine = 0x1p-10;
-
-/// P = size·2⁻³⁰: classes of cells and S-boxes hold for boxes that are this much larger.
-inline constexpr int kPadExponent = -30;
-
-/// A transform may spoil a crossing by its condition number; P covers E times this much.
-inline constexpr double kConditionCovered = 0x1p12;
-
 /// A line is taken to miss a ball only if it does by this much, relative to the ball and to the
 /// distance of the ray's origin, in squares: 64 u, where rounding costs less than 16.
 inline constexpr double kBallMargin = 0x1p-47;
 
-/// Farthest origin, in sizes, for which 4·bb_max + the kernel's error ≤ P. Rays from farther are
-/// moved to where they enter the world, once, before any scheme sees them.
-inline constexpr double kFarthestOrigin = 32;
-
 /// Directions are taken as parallel to an axis if they drift from it by less than this in the
 /// time that they move by 1 along another: 2⁻⁹⁰ of any reachable path is far below P.
 inline constexpr double kParallel = 0x1p-90;
+/// The same for float kernels, whose squares of smaller entries would underflow.
+inline constexpr double kParallelSingle = 0x1p-40;
 
-/// Tie band of a ray, in units of its parameter t.
-inline double tie_band(const Vec3& origin, double dir_length, double size) {
-  return kBandInE * kUnitRoundoff<double> * (length(origin) + size) / dir_length;
-}
+/// Scalar of the kernels. Float32 keeps double where it costs nothing that matters: rays, transforms,
+/// the moving of a line's origin to the primitive, cells, and normals. A crossing's error is then
+/// u₃₂ of the primitive, not of its distance.
+enum class Precision : std::uint8_t { Float64, Float32 };
 
-/// The band at a surface whose normal is at an angle with this |cosine| to the ray.
-inline double tie_band_at(double band, double cosine) { return band / std::max(std::fabs(cosine), kMinCosine); }
+enum class TorusSolver : std::uint8_t { Robust, Ferrari, Algorithm1010 };
 
-/// How far off the surface a shadow ray starts, in model units: 16·band·|d|.
-inline double shadow_offset(double band, double dir_length) { return 16 * band * dir_length; }
+/// How crossings are computed and told apart. All but `precision` at its default is right; the rest is
+/// here to measure what it is worth.
+struct Numerics {
+  Precision precision = Precision::Float64;
+  TorusSolver torus = TorusSolver::Robust;
+  /// Width of the tie band in E. Crossings of planes that are the same in the source differ by at most
+  /// 3 to 4 E (measured); the band is four times as wide.
+  double band_in_E = 16;
+  std::optional<double> fixed_band{};    ///< model units, instead of a multiple of E
+  std::optional<double> fixed_shadow{};  ///< model units, instead of 16 bands
+
+  bool operator==(const Numerics&) const = default;
+};
+
+/// What follows from the numerics for a model of a size (its extent and distance from 0).
+class Tolerances {
+ public:
+  Tolerances() = default;
+  Tolerances(const Numerics& numerics, double size)
+      : numerics_(numerics), limits_(numerics.precision == Precision::Float32 ? kSingle : kDouble), size_(size) {
+    if (numerics.precision == Precision::Float32) coarse_ = kUnitRoundoff<float> * size;
+  }
+
+  /// Tie band of a ray, in units of its parameter t.
+  double band(const Vec3& origin, double dir_length) const {
+    if (numerics_.fixed_band) return *numerics_.fixed_band / dir_length;
+    return numerics_.band_in_E * (kUnitRoundoff<double> * (length(origin) + size_) + coarse_) / dir_length;
+  }
+
+  /// The band at a surface whose normal is at an angle with this |cosine| to the ray: wider where it is
+  /// grazed, up to a limit.
+  double band_at(double band, double cosine) const { return band / std::max(std::fabs(cosine), limits_.min_cosine); }
+
+  /// How far off the surface that a ray from `origin` has hit a shadow ray starts, in model units.
+  double shadow_offset(const Vec3& origin) const {
+    return numerics_.fixed_shadow ? *numerics_.fixed_shadow : 16 * band(origin, 1);
+  }
+
+  /// P: classes of cells and S-boxes hold for boxes that are this much larger.
+  double pad() const { return std::ldexp(size_, limits_.pad_exponent); }
+  /// P for a leaf whose transform has this condition, which may spoil a crossing as much.
+  double pad(double condition) const { return pad() * std::max(1.0, condition / limits_.condition_covered); }
+
+  /// Farthest origin for which 4·bb_max + the kernel's error ≤ P. Rays from farther are moved to where
+  /// they enter the world, once, before any scheme sees them.
+  double farthest_origin() const { return 32 * size_; }
+
+ private:
+  struct Limits {
+    double min_cosine;
+    int pad_exponent;
+    double condition_covered;
+  };
+  static constexpr Limits kDouble{0x1p-10, -30, 0x1p12}, kSingle{0x1p-5, -12, 0x1p8};
+
+  Numerics numerics_;
+  Limits limits_ = kDouble;
+  double size_ = 0, coarse_ = 0;
+};
 
 }  // namespace csg

@@ -3,7 +3,7 @@
 //  1. A leaf's crossings are a pure function of leaf and whole ray: finite, sorted, an even number.
 //  2. f(t) is the solid's membership after all crossings ≤ t, equal bits together. Only changes of f
 //     matter, never mere crossings: those of pruned leaves must not change the answer.
-//  3. band = 16·u·(|o| + size)/|d|; at a surface met at an angle θ to its normal, bb = band / cos θ, at
+//  3. band = 16·E/|d|, E = u·(|o| + size); at a surface met at an angle θ to its normal, bb = band / cos θ, at
 //     most 2¹⁰ bands.
 //  4. skip = t_min + band, s = f(skip). The first change of f at some T > skip sets skip = T + bb. If
 //     f(skip) = s there was no boundary (surfaces that are one but for rounding): go on from skip.
@@ -14,8 +14,8 @@
 //  7. Of the intervals [t0, t1) into which cells cut a ray, one owns T: t0 ≤ T < t1, and t1 is the next
 //     one's t0 to the bit. s and skip travel from cell to cell.
 //  8. A cell looks at crossings a little beyond its interval, by two of the widest bands.
-//  9. Classes of cells and S-bounds hold with a pad P = 2⁻³⁰·size, more than four of the widest bands
-//     and a kernel's error. Rays from so far that this fails are first moved to the world.
+//  9. Classes of cells and S-bounds hold with a pad P = 2⁻³⁰·size (2⁻¹² for float32), more than four of
+//     the widest bands and a kernel's error. Rays from so far that this fails are first moved to the world.
 // 10. Trees are simplified by Full and Empty only; boxes that touch are not empty.
 // 11. A ray that goes on behind a hit carries skip.
 // 12. A shadow ray starts 16 bands off the surface, with t_min = 0.
@@ -52,8 +52,8 @@ class BoundarySearch {
   BoundarySearch(const CsgTree& model, const Ray& ray, SearchScratch& scratch, Work& work)
       : model_(model), ray_(ray), scratch_(scratch), work_(work) {
     speed_ = length(ray.dir);
-    band_ = tie_band(ray.origin, speed_, model.size());
-    widest_band_ = tie_band_at(band_, 0);
+    band_ = tolerances().band(ray.origin, speed_);
+    widest_band_ = tolerances().band_at(band_, 0);
     skip_ = ray.t_min + band_;
   }
 
@@ -104,7 +104,7 @@ class BoundarySearch {
         continue;
       }
       const double cosine = facing(events[decisive(first, after, after)]).cosine;
-      skip_ = t + tie_band_at(band_, cosine);
+      skip_ = t + tolerances().band_at(band_, cosine);
       std::size_t end = after;
       while (end < count && events[end].t <= skip_) state.toggle(events[end++].node, work_);
       if (state.inside() == inside_) {
@@ -130,6 +130,8 @@ class BoundarySearch {
   }
 
  private:
+  const Tolerances& tolerances() const { return model_.tolerances(); }
+
   struct Facing {
     Vec3 normal;  // of the leaf, unit
     double cosine;

@@ -21,16 +21,22 @@ struct ParamSpec {
   std::vector<ParamValue> trial_values{};  ///< what the conformance suite tries
 };
 
-/// Every declared parameter with its value.
+/// What every scheme has besides its own parameters: precision, and the knobs of the accuracy study.
+const std::vector<ParamSpec>& numerics_params();
+
+struct SchemeInfo;
+
+/// Every declared parameter of a scheme with its value.
 class Params {
  public:
   /// Throws std::invalid_argument on an unknown name, naming the known, and on a bad value.
-  Params(const std::string& scheme, const std::vector<ParamSpec>& specs,
-         const std::map<std::string, ParamValue>& given);
+  Params(const SchemeInfo& scheme, const std::map<std::string, ParamValue>& given);
 
   int integer(const std::string& name) const;
   const std::string& choice(const std::string& name) const;
-  const std::map<std::string, ParamValue>& values() const { return values_; }
+  Numerics numerics() const;
+  /// The scheme's own, and those of the numerics that are not at their default.
+  std::map<std::string, ParamValue> values() const;
 
   std::shared_ptr<const TriangleMesh> mesh;  ///< for the schemes that trace one
 
@@ -43,6 +49,7 @@ struct SchemeInfo {
   std::string title;
   bool exact = true;  ///< same leaf and same bits of t as naive, for every ray
   bool needs_mesh = false;
+  bool own_numerics = false;  ///< computes in a way of its own: numerics_params are none of its parameters
   std::vector<ParamSpec> params{};
   std::unique_ptr<Tracer> (*make)(std::shared_ptr<const CsgTree>, const Params&) = nullptr;
 };

@@ -164,7 +164,7 @@ BuiltTracer make(const std::string& name, std::shared_ptr<CsgTree> tree,
                  const std::map<std::string, csg::ParamValue>& given,
                  const std::optional<std::tuple<Doubles3, Indices3, Ints>>& mesh) {
   const csg::SchemeInfo& info = csg::scheme(name);
-  csg::Params params(name, info.params, given);
+  csg::Params params(info, given);
   if (info.needs_mesh != mesh.has_value())
     throw std::invalid_argument(name + (info.needs_mesh ? " needs" : " takes no") + " mesh");
   if (mesh) {
@@ -186,8 +186,10 @@ BuiltTracer make(const std::string& name, std::shared_ptr<CsgTree> tree,
     params.mesh = std::move(out);
   }
   const nb::gil_scoped_release unlocked;
+  std::shared_ptr<const CsgTree> model = std::move(tree);
+  if (params.numerics() != model->numerics()) model = std::make_shared<CsgTree>(model->computed(params.numerics()));
   const Stopwatch watch;
-  BuiltTracer built{info.make(std::move(tree), params), 0};
+  BuiltTracer built{info.make(std::move(model), params), 0};
   built.build_s = watch.seconds();
   return built;
 }
@@ -425,10 +427,13 @@ NB_MODULE(tracers, m) {
   m.def(
       "complete",
       [](const std::string& name, const std::map<std::string, csg::ParamValue>& given) {
-        return csg::Params(name, csg::scheme(name).params, given).values();
+        return csg::Params(csg::scheme(name), given).values();
       },
       "name"_a, "params"_a,
-      "All parameters of a scheme: those given, checked, and the others' defaults. Raises ValueError.");
+      "All parameters of a scheme: those given, checked, and the others' defaults; of the numerics those not at "
+      "their default. Raises ValueError.");
+  m.def("numerics_parameters", &csg::numerics_params, nb::rv_policy::reference,
+        "What every scheme has besides its own parameters.");
   m.def("make", &make, "name"_a, "tree"_a, "params"_a = std::map<std::string, csg::ParamValue>{}, "mesh"_a = nb::none(),
         "Builds a scheme's structure. mesh: (vertices (V, 3) float64, triangles (T, 3) uint32, leaf of each (T,) "
         "int32).");
@@ -448,5 +453,28 @@ NB_MODULE(tracers, m) {
       "(leaves called Empty or Full, those not constant along the ray), over pairs of a cell (N, 8: lo, hi, unused) "
       "and "
       "a ray (N, 8). The premise of all pruning; the second number must be 0.");
+  m.def(
+      "crossings",
+      [](const CsgTree& tree, const RayRows& rows, const std::map<std::string, csg::ParamValue>& numerics,
+         std::size_t leaf) {
+        if (leaf >= tree.leaves().size()) throw std::invalid_argument("crossings: no such leaf");
+        const CsgTree model = tree.computed(csg::Params(csg::scheme("naive"), numerics).numerics());
+        const std::vector<csg::Ray> rays = rays_of(rows);
+        std::vector<csg::Crossings> found(rays.size());
+        const Stopwatch watch;
+        for (std::size_t i = 0; i < rays.size(); ++i) found[i] = csg::crossings(model.leaves()[leaf], rays[i]);
+        const double seconds = watch.seconds();
+        nb::object count = array<std::int32_t>({rays.size()}, [&](std::int32_t* out) {
+          for (const csg::Crossings& c : found) *out++ = c.count;
+        });
+        nb::object t = array<double>({rays.size(), 4}, [&](double* out) {
+          for (const csg::Crossings& c : found)
+            for (int i = 0; i < 4; ++i) *out++ = i < c.count ? c.t[i] : std::numeric_limits<double>::infinity();
+        });
+        return nb::make_tuple(count, t, seconds);
+      },
+      "tree"_a, "rays"_a.noconvert(), "numerics"_a = std::map<std::string, csg::ParamValue>{}, "leaf"_a = 0,
+      "One kernel on whole lines: counts (N,) int32, t (N, 4) float64 ascending, +inf where there is none, and the "
+      "seconds that it took.");
   m.def("machine", &machine, "Compiler, its flags, Embree's version.");
 }

@@ -35,11 +35,11 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
     ray.t_min = std::ldexp(ray.t_min, exponent);
     ray.t_max = std::ldexp(ray.t_max, exponent);
   }
-  const auto is_far = [&] { return length(ray.origin) > kFarthestOrigin * tree.size(); };
+  const auto is_far = [&] { return length(ray.origin) > tree.tolerances().farthest_origin(); };
   if (!is_far()) return out;
   // Moving costs what the far origin's band says: the ends give way by as much, so that no hit comes
   // back at t_min or from beyond t_max. From very far, one move lands as far off as its rounding.
-  const double band = tie_band(ray.origin, length(ray.dir), tree.size());
+  const double band = tree.tolerances().band(ray.origin, length(ray.dir));
   constexpr int kMostMoves = 8;
   for (int move = 0; is_far(); ++move) {
     const Interval inside = slab(tree.world(), ray.origin, Reciprocal(ray.dir));

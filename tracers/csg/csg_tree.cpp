@@ -107,6 +107,7 @@ void derive(Leaf& leaf, std::size_t index) {
   leaf.condition = inverse.condition;
   leaf.is_translation = is_identity(leaf.world_from_local.linear);
   leaf.bounds = world_bounds(leaf);
+  leaf.unit = std::ldexp(1.0, std::ilogb(local_radius(leaf)));
   leaf.reach = local_radius(leaf) * largest_stretch(leaf.world_from_local.linear, inverse.scale);
   if (!finite(leaf.bounds.lo) || !finite(leaf.bounds.hi)) refuse("its bounds are not finite");
 }
@@ -159,20 +160,23 @@ RootBounds checked_bounds(const std::vector<Leaf>& leaves, const std::vector<Nod
 
 }  // namespace
 
-CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings)
-    : leaves_(std::move(leaves)), nodes_(std::move(nodes)), warnings_(std::move(warnings)) {
+CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings,
+                 const Numerics& numerics)
+    : leaves_(std::move(leaves)), nodes_(std::move(nodes)), warnings_(std::move(warnings)), numerics_(numerics) {
   if (leaves_.empty() || nodes_.empty()) throw ModelError("the model is empty");
   if (leaves_.size() > std::size_t{1} << 30) throw ModelError("more than 2^30 halfspaces");
   Box all;
   for (std::size_t i = 0; i < leaves_.size(); ++i) {
     derive(leaves_[i], i);
+    leaves_[i].precision = numerics.precision;
+    leaves_[i].torus = numerics.torus;
     all = hull(all, leaves_[i].bounds);
   }
   const Vec3 diagonal = all.hi - all.lo, center = all.center();
   size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) + std::hypot(center.x, center.y, center.z);
   if (!std::isfinite(size_)) throw ModelError("the size of the model is not finite");
-  pad_ = std::ldexp(size_, kPadExponent);
-  for (Leaf& leaf : leaves_) leaf.pad = pad_ * std::max(1.0, leaf.condition / kConditionCovered);
+  tolerances_ = Tolerances(numerics_, size_);
+  for (Leaf& leaf : leaves_) leaf.pad = tolerances_.pad(leaf.condition);
   const RootBounds root = checked_bounds(leaves_, nodes_);
   bounds_ = root.tight;
   world_ = root.padded;
@@ -194,7 +198,7 @@ CsgTree CsgTree::scaled(int exponent) const {
       offset = std::ldexp(offset, exponent);
     }
   }
-  return CsgTree(std::move(leaves), nodes_, warnings_);
+  return CsgTree(std::move(leaves), nodes_, warnings_, numerics_);
 }
 
 }  // namespace csg

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "../error_unit.hpp"
 #include "../vec.hpp"
 
 namespace csg {
@@ -34,6 +35,9 @@ struct Leaf {
   double reach = 0;             ///< radius of a ball around the centre that holds the leaf, up to rounding
   Box bounds;                   ///< world, tight up to rounding, not padded
   double pad = 0;               ///< how much boxes grow before the leaf is judged by them (rule 9)
+  double unit = 1;              ///< a power of two near the local radius: float kernels compute in it
+  Precision precision = Precision::Float64;
+  TorusSolver torus = TorusSolver::Robust;
 };
 
 enum class Op : std::uint8_t { Leaf, Union, Intersection, Difference };
@@ -51,7 +55,8 @@ class CsgTree {
  public:
   /// Completes the leaves' derived fields. Throws ModelError if the tree is empty, a number is not
   /// finite, a size is not positive, a torus has major < minor, or a transform is singular.
-  CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings = {});
+  CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<std::string> warnings = {},
+          const Numerics& numerics = {});
 
   const std::vector<Leaf>& leaves() const { return leaves_; }
   const std::vector<Node>& nodes() const { return nodes_; }
@@ -61,18 +66,24 @@ class CsgTree {
   /// The same from leaves' bounds that are grown by their pads: outside of it, no ray finds a surface.
   const Box& world() const { return world_; }
   double size() const { return size_; }  ///< the `size` of the hit rule: extent of all leaves and their distance from 0
-  double pad() const { return pad_; }    ///< P of the hit rule, rule 9
+  double pad() const { return tolerances_.pad(); }  ///< P of the hit rule, rule 9
+  const Tolerances& tolerances() const { return tolerances_; }
+  const Numerics& numerics() const { return numerics_; }
   std::size_t bytes() const;
 
   /// The same model in units 2^exponent times as large: every answer scales without rounding.
   CsgTree scaled(int exponent) const;
+  /// The same model, its crossings computed in another way.
+  CsgTree computed(const Numerics& numerics) const { return CsgTree(leaves_, nodes_, warnings_, numerics); }
 
  private:
   std::vector<Leaf> leaves_;
   std::vector<Node> nodes_;
   std::vector<std::string> warnings_;
   Box bounds_, world_;
-  double size_ = 0, pad_ = 0;
+  double size_ = 0;
+  Numerics numerics_;
+  Tolerances tolerances_;
 };
 
 }  // namespace csg

@@ -76,6 +76,45 @@ bool passes_by(const Leaf& leaf, const Ray& ray) {
   return far * dd - along * along > (leaf.reach * leaf.reach + kBallMargin * (leaf.reach * leaf.reach + far)) * dd;
 }
 
+/// The kernel of a kind.
+template <class Real>
+Crossings crossings(const Leaf& leaf, const double* size, const Line<Real>& line) {
+  switch (leaf.kind) {
+    case Kind::Sphere:
+      return sphere::crossings(size, line);
+    case Kind::Block:
+      return block::crossings(size, line);
+    case Kind::Cylinder:
+      return cylinder::crossings(size, line);
+    case Kind::Cone:
+      return cone::crossings(size, line);
+    case Kind::Torus:
+      return torus::crossings(size, line);
+  }
+  return {};
+}
+
+/// In float: in units of the leaf's size, from the line's point nearest its centre, with a direction
+/// near 1. What a float cannot hold, the way there and the scale, stays in double; both scales are
+/// powers of two.
+Crossings single_crossings(const Leaf& leaf, Line<double> line) {
+  const double shift = recentre(line);
+  const double per_unit = 1 / leaf.unit;
+  const double largest = std::max({std::fabs(line.dx), std::fabs(line.dy), std::fabs(line.dz)});
+  const double per_speed = std::ldexp(1.0, -std::ilogb(largest));
+  const double size[3] = {per_unit * leaf.size[0], per_unit * leaf.size[1], per_unit * leaf.size[2]};
+  const auto place = [&](double x) { return static_cast<float>(per_unit * x); };
+  const auto speed = [&](double x) {
+    return std::fabs(x) < kParallelSingle * largest ? 0 : static_cast<float>(per_speed * x);
+  };
+  const Line<float> single{place(line.ox), place(line.oy), place(line.oz),
+                           speed(line.dx), speed(line.dy), speed(line.dz)};
+  Crossings found = crossings(leaf, size, single);
+  const double step = leaf.unit * per_speed;
+  for (int i = 0; i < found.count; ++i) found.t[i] = shift + step * found.t[i];
+  return found;
+}
+
 }  // namespace
 
 Crossings crossings(const Leaf& leaf, const Ray& ray) {
@@ -83,19 +122,7 @@ Crossings crossings(const Leaf& leaf, const Ray& ray) {
   const Vec3 o = to_local(leaf, ray.origin);
   const Vec3 d = leaf.is_translation ? ray.dir : leaf.local_from_world * ray.dir;
   const Line<double> line{o.x, o.y, o.z, d.x, d.y, d.z};
-  switch (leaf.kind) {
-    case Kind::Sphere:
-      return sphere::crossings(leaf.size, line);
-    case Kind::Block:
-      return block::crossings(leaf.size, line);
-    case Kind::Cylinder:
-      return cylinder::crossings(leaf.size, line);
-    case Kind::Cone:
-      return cone::crossings(leaf.size, line);
-    case Kind::Torus:
-      return torus::crossings(leaf.size, line);
-  }
-  return {};
+  return leaf.precision == Precision::Float32 ? single_crossings(leaf, line) : crossings(leaf, leaf.size, line);
 }
 
 Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {

@@ -95,9 +95,8 @@ class Renderer {
       picture_.rgb[pixel] = {color.x * ambient.x, color.y * ambient.y, color.z * ambient.z};
       // The side of the surface that the viewer sees; a shadow ray starts there (rule 12).
       const Vec3 seen = dot(hit.normal, rays_[i].dir) > 0 ? -hit.normal : hit.normal;
-      const double band = tie_band(rays_[i].origin, 1, tracer_.tree().size());
       const Vec3 point = rays_[i].origin + hit.t * rays_[i].dir;
-      lit_.push_back({pixel, color, seen, point + shadow_offset(band, 1) * seen});
+      lit_.push_back({pixel, color, seen, point + tracer_.tree().tolerances().shadow_offset(rays_[i].origin) * seen});
     }
   }
 

@@ -40,8 +40,8 @@ class EmbreeMesh final : public Tracer {
   /// A ray that starts on a surface must not find it again: it starts a float's tie band further on.
   double start_of(const Ray& ray) const {
     const double speed = length(ray.dir);
-    const double band = tie_band(ray.origin, speed, tree_->size()) * (kUnitRoundoff<float> / kUnitRoundoff<double>);
-    return std::max(ray.t_min + 4 * band, -kFarthestOrigin * tree_->size() / speed);
+    const double band = tree_->tolerances().band(ray.origin, speed) * (kUnitRoundoff<float> / kUnitRoundoff<double>);
+    return std::max(ray.t_min + 4 * band, -tree_->tolerances().farthest_origin() / speed);
   }
 
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
@@ -88,6 +88,7 @@ const SchemeInfo scheme_embree_mesh{
     .title = "Embree on a triangle mesh",
     .exact = false,
     .needs_mesh = true,
+    .own_numerics = true,
     .params = {{.name = "segments",
                 .meaning = "segments of a full circle in the mesh (the mesh itself is made beforehand)",
                 .default_value = 64L,
