@@ -176,7 +176,7 @@ def schemes(model: str, results: Results) -> Canvas:
     left, right = canvas.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     traced = _scaled([r.trace_s for r in ordered], 1e3)
     medians = [estimate.median for estimate in traced]
-    colours = ["#BBBBBB" if r.scheme in results.inexact else "#0072B2" for r in ordered]
+    colours = ["#BBBBBB" if not r.exact else "#0072B2" for r in ordered]
     left.barh(y, medians, xerr=_reach(traced), color=colours, height=0.6, capsize=2)
     left.set_xscale("log")
     ends = [np.nanmax([estimate.median, estimate.high]) for estimate in traced]
@@ -210,7 +210,7 @@ def schemes(model: str, results: Results) -> Canvas:
 
 
 def _scheme_label(result: Result, results: Results) -> str:
-    name = f"{result.scheme} (inexact)" if result.scheme in results.inexact else result.scheme
+    name = f"{result.scheme} (inexact)" if not result.exact else result.scheme
     shown = parameters(result, results)
     return f"{name}\n{shown}" if shown else name
 
@@ -219,7 +219,7 @@ def cost_pictures(model: str, results: Results, cost_of: CostOf) -> Canvas:
     """Primitive tests for each pixel, on one logarithmic scale, of the exact schemes but naive."""
     chosen = [
         r for r in fastest(model, results)
-        if r.scheme not in results.inexact and r.scheme != "naive"
+        if r.exact and r.scheme != "naive"
     ]  # fmt: skip
     pictures = [(r, cost_of(r.configuration)) for r in chosen]
     columns = 3

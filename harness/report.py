@@ -18,7 +18,6 @@ from harness.scheme_tables import (
     schemes,
     work,
 )
-from harness.schemes import catalogue
 from harness.store import Store
 from harness.table import Table, latex_text
 from harness.tables import break_even, characteristics, optimum, reductions, timing
@@ -37,10 +36,9 @@ def load(name: str, folder: Path) -> tuple[Results, Results, Path]:
     store = folder / STORE
     if not store.exists():
         raise UserError(f"{store}: nothing measured yet; run `csgbench sweep` first")
-    opened, known = Store(store), catalogue()
-    inexact = {scheme for scheme in known if not known[scheme].exact}
+    opened = Store(store)
     main, grid = (
-        load_results(opened, load_study(study), inexact)
+        load_results(opened, load_study(study))
         for study in ("paper" if name == "grid" else name, "grid")
     )
     return main, grid, folder if main.study.name == "paper" else folder / main.study.name

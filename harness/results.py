@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,12 +16,14 @@ from typing import Any
 import pandas as pd
 
 from harness import statistics
+from harness.schemes import is_exact
 from harness.statistics import Estimate, estimate
 from harness.store import Store
 from harness.study import Configuration, Study
 
 # What all exact schemes must agree on: the model as seen, at a size.
 _PICTURE = ["model_hash", "width", "height"]
+_SAME_BITS = [*_PICTURE, "precision"]
 _CONFIGURATION = ["model", "scheme", "params", "width", "height", "shape"]
 
 
@@ -34,6 +35,11 @@ class Result:
     status: str  # ok | not run | unsupported | timeout | error | wrong | refused
     reason: str
     rows: pd.DataFrame = field(repr=False)  # of the store: a row a repeat; none unless ok
+
+    @property
+    def exact(self) -> bool:
+        """Whether its picture must be naive's to the bit."""
+        return is_exact(self.scheme, self.params)
 
     @property
     def ok(self) -> bool:
@@ -108,7 +114,6 @@ class Results:
 
     study: Study
     all: list[Result]
-    inexact: Collection[str]  # the schemes whose picture may differ
     unchecked: list[str]  # models whose picture was compared with no reference
     checks: list[dict[str, Any]]  # the verdict on each picture that was compared
     rows: pd.DataFrame  # all that is tabled, as stored, oldest first
@@ -145,7 +150,7 @@ class Results:
         return None
 
 
-def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
+def load(store: Store, study: Study) -> Results:
     """Read and judge the rows of a study: those of the newest code and, for each model, of its
     newest form."""
     rows = store.records()
@@ -154,7 +159,7 @@ def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
     model_hashes = dict(zip(rows["model"], rows["model_hash"], strict=True))
     checks = {tuple(check[key] for key in _PICTURE): check for check in store.checks()}
 
-    judged = _with_wrong_pictures(rows, inexact)
+    judged = _with_wrong_pictures(rows)
     # Of several attempts at a repeat the last counts.
     judged = judged.drop_duplicates([*_CONFIGURATION, "repeat"], keep="last")
     repeats = dict(iter(judged.groupby(_CONFIGURATION)))
@@ -166,18 +171,20 @@ def load(store: Store, study: Study, inexact: Collection[str]) -> Results:
     verdicts = [check for picture, check in checks.items() if picture in pictures]
     unchecked = {r.model for r in results if r.ok and _picture(r.rows) not in checks}
     tabled = pd.concat([rows[:0], *(r.rows for r in results)]).sort_index()
-    return Results(study, results, inexact, sorted(unchecked), verdicts, tabled)
+    return Results(study, results, sorted(unchecked), verdicts, tabled)
 
 
 def _picture(rows: pd.DataFrame) -> tuple:
     return tuple(rows[_PICTURE].iloc[0])
 
 
-def _with_wrong_pictures(rows: pd.DataFrame, inexact: Collection[str]) -> pd.DataFrame:
+def _with_wrong_pictures(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows, where those of an exact scheme with another picture than naive's are "wrong"."""
     rows = rows.copy()
-    exact = rows[(rows["status"] == "ok") & ~rows["scheme"].isin(inexact)]
-    for _, same in exact.groupby(_PICTURE):
+    settings = zip(rows["scheme"], rows["params"], strict=True)
+    promised = [is_exact(scheme, json.loads(params)) for scheme, params in settings]
+    exact = rows[(rows["status"] == "ok") & pd.Series(promised, rows.index, dtype=bool)]
+    for _, same in exact.groupby(_SAME_BITS):
         naive = same[same["scheme"] == "naive"]
         votes, whose = (same, "most") if naive.empty else (naive, "naive")
         right = votes["picture_hash"].mode()[0]

@@ -38,7 +38,7 @@ def schemes(model: str, results: Results) -> Table:
     rows = []
     for r in best:
         speedup = ratio(naive, r, "trace_s") if naive else None
-        inexact = r.scheme in results.inexact
+        inexact = not r.exact
         rows.append([
             f"{r.scheme} (inexact)" if inexact else r.scheme, parameters(r, results),
             r.mesh_s, r.build_s, r.trace_s, speedup,
@@ -85,7 +85,7 @@ def fastest_exact(results: Results) -> Table:
     """The winner on each model, and what the measurement cannot tell from it."""
     rows = []
     for model in results.study.models:
-        ranked = [r for r in fastest(model, results) if r.scheme not in results.inexact]
+        ranked = [r for r in fastest(model, results) if r.exact]
         if not ranked:
             continue
         best, others = ranked[0], ranked[1:]

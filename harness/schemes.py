@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.table import Table
@@ -40,6 +40,17 @@ def complete(scheme: str, given: Params) -> Params:
         raise UserError(str(error)) from None
 
 
+def precision(params: Params) -> str:
+    """Of the kernels: float64 unless the parameters say otherwise."""
+    return str(params.get("precision", "float64"))
+
+
+def is_exact(scheme: str, params: Params) -> bool:
+    """Whether the scheme, so set, promises naive's bits in the same precision: not if one of the
+    knobs is turned that are there to measure what the right setting is worth."""
+    return catalogue()[scheme].exact and not params.keys() & {"torus", "tie_band", "shadow"}
+
+
 def parse_settings(scheme: str, settings: list[str]) -> Params:
     """`["d=5", "h=10"]`, as typed on a command line, to parameters of the scheme."""
     given: Params = {}
@@ -53,13 +64,21 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
 
 def describe(known: Catalogue) -> Table:
     """For people: every scheme, and under it its parameters."""
+    import tracers
+
     table = Table(box=None, pad_edge=False)
     for heading in ("scheme", "parameter", "values", "default", "meaning"):
         table.add_column(heading, overflow="fold")
     for scheme in known.values():
         label = scheme.title if scheme.exact else f"{scheme.title} [red](inexact)[/red]"
         table.add_row(f"[bold]{scheme.name}[/bold]", "", "", "", label)
-        for parameter in scheme.parameters:
-            values = " ".join(parameter.choices) or f"{parameter.minimum}..{parameter.maximum}"
-            table.add_row("", parameter.name, values, str(parameter.default), parameter.meaning)
+        _add_parameters(table, scheme.parameters)
+    table.add_row("[bold]and[/bold]", "", "", "", "Common to all that compute crossings")
+    _add_parameters(table, tracers.numerics_parameters())
     return table
+
+
+def _add_parameters(table: Table, parameters: Iterable[Any]) -> None:
+    for parameter in parameters:
+        values = " ".join(parameter.choices) or f"{parameter.minimum}..{parameter.maximum}"
+        table.add_row("", parameter.name, values, str(parameter.default), parameter.meaning)

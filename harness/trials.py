@@ -11,17 +11,17 @@ import numpy as np
 
 from harness import UserError, models
 from harness.machine import code_version
+from harness.schemes import precision
 from harness.store import Outcome, Trial
 from harness.study import Configuration
-
-PRECISION = "float64"
 
 
 def first(configuration: Configuration) -> Trial:
     """The key of a configuration's repeat 0."""
     c = configuration
     return Trial(
-        c.model, models.content_hash(c.model), c.shape, c.scheme, c.params, PRECISION,
+        c.model, models.content_hash(c.model), c.shape,
+        c.scheme, c.params, precision(json.loads(c.params)),
         c.width, c.height, repeat=0, attempt=0, code_version=code_version(),
     )  # fmt: skip
 

@@ -151,11 +151,11 @@ Hits trace(const BuiltTracer& built, const RayRows& rows, bool count) {
   return out;
 }
 
-TimedPicture render(const BuiltTracer& built, const csg::View& view, bool count, bool cost) {
+TimedPicture render(const BuiltTracer& built, const csg::View& view, bool count, bool cost, int threads) {
   TimedPicture out;
   const nb::gil_scoped_release unlocked;
   const Stopwatch watch;
-  out.picture = csg::render(*built.tracer, view, count || cost ? &out.counters : nullptr, cost);
+  out.picture = csg::render(*built.tracer, view, count || cost ? &out.counters : nullptr, cost, threads);
   out.trace_s = watch.seconds();
   return out;
 }
@@ -422,7 +422,7 @@ NB_MODULE(tracers, m) {
                 {rays.size()}, [&](std::uint8_t* out) { built.tracer->occluded(rays, {out, rays.size()}, nullptr); });
           },
           "rays"_a.noconvert(), "(N,) uint8: 1 where trace() would hit")
-      .def("render", &render, "view"_a, "count"_a = false, "cost"_a = false);
+      .def("render", &render, "view"_a, "count"_a = false, "cost"_a = false, "threads"_a = 1);
 
   m.def(
       "complete",

@@ -32,6 +32,14 @@ struct Counters {
   std::uint64_t bounds_tested = 0;       ///< S-bounds (boxes of tree nodes) tested against a ray
   std::uint64_t primitives_tested = 0;   ///< calls of a primitive's crossing kernel
   std::uint64_t booleans_evaluated = 0;  ///< operator nodes whose value was recomputed
+
+  Counters& operator+=(const Counters& other) {
+    cells_entered += other.cells_entered;
+    bounds_tested += other.bounds_tested;
+    primitives_tested += other.primitives_tested;
+    booleans_evaluated += other.booleans_evaluated;
+    return *this;
+  }
 };
 
 /// The counting and the silent variant of a tracing loop.

@@ -48,7 +48,7 @@ def fill(path, study=PAPER, times=times, change=lambda trial, outcome: outcome):
 
 
 def read(store, study=PAPER):
-    return results.load(store, study, {"embree_mesh"})
+    return results.load(store, study)
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
 #include "render.hpp"
 
+#include <atomic>
 #include <stdexcept>
-
-#include "../error_unit.hpp"
+#include <thread>
 
 namespace csg {
 namespace {
@@ -22,31 +22,34 @@ void tile_pixels(const View& view, int x0, int y0, std::vector<Pixel>& out) {
         for (int column = x; column < std::min(x + kBlock, view.width); ++column) out.push_back({column, row});
 }
 
-class Renderer {
+Picture blank(const View& view, bool per_pixel_cost) {
+  const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  Picture picture;
+  picture.width = view.width;
+  picture.height = view.height;
+  picture.rgb.resize(pixels);
+  picture.depth.resize(pixels);
+  picture.normal.resize(pixels);
+  picture.leaf.resize(pixels);
+  picture.lit.resize(pixels);
+  if (per_pixel_cost) picture.cost.resize(pixels);
+  return picture;
+}
+
+/// What one thread needs to draw tiles of a picture; no pixel belongs to two tiles.
+class TileRenderer {
  public:
-  Renderer(const Tracer& tracer, const View& view, Counters* counters, bool per_pixel_cost)
-      : tracer_(tracer), view_(view), camera_(view), counters_(counters), per_pixel_cost_(per_pixel_cost) {
-    if (view.lights.size() > 8) throw std::invalid_argument("view: at most 8 lights");
-    const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-    picture_.width = view.width;
-    picture_.height = view.height;
-    picture_.rgb.resize(pixels);
-    picture_.depth.resize(pixels);
-    picture_.normal.resize(pixels);
-    picture_.leaf.resize(pixels);
-    picture_.lit.resize(pixels);
-    if (per_pixel_cost) picture_.cost.resize(pixels);
+  TileRenderer(const Tracer& tracer, const View& view, Picture& picture, bool count)
+      : tracer_(tracer), view_(view), camera_(view), picture_(picture), count_(count) {}
+
+  void draw(int x, int y) {
+    tile_pixels(view_, x, y, pixels_);
+    primary();
+    for (std::size_t light = 0; light < view_.lights.size(); ++light) shadows(light);
   }
 
-  Picture run() {
-    for (int y = 0; y < view_.height; y += kTile)
-      for (int x = 0; x < view_.width; x += kTile) {
-        tile_pixels(view_, x, y, pixels_);
-        primary();
-        for (std::size_t light = 0; light < view_.lights.size(); ++light) shadows(light);
-      }
-    return std::move(picture_);
-  }
+  std::uint64_t rays() const { return rays_traced_; }
+  const Counters& counted() const { return counted_; }
 
  private:
   std::size_t index(const Pixel& p) const {
@@ -57,15 +60,17 @@ class Renderer {
     return on.has_color ? Vec3{on.color[0], on.color[1], on.color[2]} : view_.albedo;
   }
 
+  Counters* counters() { return count_ ? &counted_ : nullptr; }
+
   /// Calls `batch(begin, count)` for all rays at once, or ray by ray with the cost noted per pixel.
   template <class Batch>
   void costed(std::size_t rays, const std::vector<std::size_t>& pixel_of_ray, Batch batch) {
-    picture_.rays += rays;
-    if (!per_pixel_cost_) return batch(std::size_t{0}, rays);
+    rays_traced_ += rays;
+    if (picture_.cost.empty()) return batch(std::size_t{0}, rays);
     for (std::size_t i = 0; i < rays; ++i) {
-      const std::uint64_t before = counters_->primitives_tested;
+      const std::uint64_t before = counted_.primitives_tested;
       batch(i, std::size_t{1});
-      picture_.cost[pixel_of_ray[i]] += static_cast<double>(counters_->primitives_tested - before);
+      picture_.cost[pixel_of_ray[i]] += static_cast<double>(counted_.primitives_tested - before);
     }
   }
 
@@ -78,7 +83,7 @@ class Renderer {
     }
     hits_.resize(rays_.size());
     costed(rays_.size(), pixel_of_ray_, [&](std::size_t begin, std::size_t count) {
-      tracer_.trace(std::span(rays_).subspan(begin, count), std::span(hits_).subspan(begin, count), counters_);
+      tracer_.trace(std::span(rays_).subspan(begin, count), std::span(hits_).subspan(begin, count), counters());
     });
     lit_.clear();
     for (std::size_t i = 0; i < rays_.size(); ++i) {
@@ -114,7 +119,7 @@ class Renderer {
     }
     blocked_.resize(rays_.size());
     costed(rays_.size(), pixel_of_ray_, [&](std::size_t begin, std::size_t count) {
-      tracer_.occluded(std::span(rays_).subspan(begin, count), std::span(blocked_).subspan(begin, count), counters_);
+      tracer_.occluded(std::span(rays_).subspan(begin, count), std::span(blocked_).subspan(begin, count), counters());
     });
     for (std::size_t i = 0; i < rays_.size(); ++i) {
       if (blocked_[i]) continue;
@@ -134,9 +139,10 @@ class Renderer {
   const Tracer& tracer_;
   const View& view_;
   Camera camera_;
-  Counters* counters_;
-  bool per_pixel_cost_;
-  Picture picture_;
+  Picture& picture_;
+  bool count_;
+  Counters counted_;
+  std::uint64_t rays_traced_ = 0;
   std::vector<Pixel> pixels_;
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
@@ -159,8 +165,26 @@ std::uint64_t Picture::hash() const {
   return hash;
 }
 
-Picture render(const Tracer& tracer, const View& view, Counters* counters, bool per_pixel_cost) {
-  return Renderer(tracer, view, counters, per_pixel_cost).run();
+Picture render(const Tracer& tracer, const View& view, Counters* counters, bool per_pixel_cost, int threads) {
+  if (view.lights.size() > 8) throw std::invalid_argument("view: at most 8 lights");
+  Picture picture = blank(view, per_pixel_cost);
+  const int columns = (view.width + kTile - 1) / kTile, rows = (view.height + kTile - 1) / kTile;
+  std::vector<TileRenderer> renderers(static_cast<std::size_t>(std::clamp(threads, 1, columns * rows)),
+                                      TileRenderer(tracer, view, picture, counters != nullptr));
+  std::atomic<int> next = 0;
+  const auto work = [&](TileRenderer& renderer) {
+    for (int tile; (tile = next++) < columns * rows;) renderer.draw(tile % columns * kTile, tile / columns * kTile);
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t i = 1; i < renderers.size(); ++i) others.emplace_back([&, i] { work(renderers[i]); });
+    work(renderers[0]);
+  }
+  for (const TileRenderer& renderer : renderers) {
+    picture.rays += renderer.rays();
+    if (counters) *counters += renderer.counted();
+  }
+  return picture;
 }
 
 }  // namespace csg

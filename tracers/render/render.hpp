@@ -22,8 +22,10 @@ struct Picture {
   std::uint64_t hash() const;
 };
 
-/// One thread. Rays go to the tracer in batches of a tile, in 4×4 order. With `per_pixel_cost` each
-/// ray is a batch of its own and `counters` must not be null.
-Picture render(const Tracer& tracer, const View& view, Counters* counters = nullptr, bool per_pixel_cost = false);
+/// Rays go to the tracer in batches of a tile, in 4×4 order; threads take tiles as they come, and the
+/// picture does not depend on their number. With `per_pixel_cost` each ray is a batch of its own and
+/// `counters` must not be null.
+Picture render(const Tracer& tracer, const View& view, Counters* counters = nullptr, bool per_pixel_cost = false,
+               int threads = 1);
 
 }  // namespace csg

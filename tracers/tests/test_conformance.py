@@ -1,4 +1,5 @@
-"""Every exact scheme of the registry gives naive's leaf and naive's bits of t for every ray.
+"""Every exact scheme of the registry gives naive's leaf and naive's bits of t for every ray, in
+float64 and in float32 (where all agree with a naive that computes in float32).
 
 There is no list of schemes here: what schemes.def names is tested, over the values that its
 parameters declare. `make conformance` runs 1,000,000 rays a family and scheme; `make test` a part
@@ -32,7 +33,7 @@ def grid(scheme: "tracers.Scheme") -> list[dict]:
 
 def test_every_parameter_has_values_to_try() -> None:
     for scheme in tracers.schemes():
-        for parameter in scheme.parameters:
+        for parameter in [*scheme.parameters, *tracers.numerics_parameters()]:
             assert parameter.trial_values, f"{scheme.name}: {parameter.name} has no trial_values"
 
 
@@ -58,19 +59,24 @@ def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expecte
     )
 
 
-def check_tree(tree, rng: np.random.Generator, count: int, settings_of_scheme) -> None:
-    naive = tracers.make("naive", tree)
+def check_tree(
+    tree, rng: np.random.Generator, count: int, settings_of_scheme, precision: str = "float64"
+) -> None:
+    shared = {"precision": precision}
+    naive = tracers.make("naive", tree, shared)
     rays = all_rays(tree, rng, count)
     expected = naive.trace(rays)
     for scheme in EXACT:
         for params in settings_of_scheme(scheme):
+            params = params | shared
             assert_same(
                 tree, scheme.name, params, tracers.make(scheme.name, tree, params), rays, expected
             )
 
 
+@pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_family(family: str, request: pytest.FixtureRequest) -> None:
+def test_family(family: str, precision: str, request: pytest.FixtureRequest) -> None:
     """Each tree meets one setting of each scheme; the settings take turns."""
     total = request.config.getoption("--rays")
     trees = max(len(grid(s)) for s in EXACT)
@@ -79,7 +85,7 @@ def test_family(family: str, request: pytest.FixtureRequest) -> None:
     for number in range(trees):
         rng = np.random.default_rng([number, zlib.crc32(family.encode())])
         tree = FAMILIES[family](rng)
-        check_tree(tree, rng, count, lambda s, n=number: [grid(s)[n % len(grid(s))]])
+        check_tree(tree, rng, count, lambda s, n=number: [grid(s)[n % len(grid(s))]], precision)
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))

@@ -24,16 +24,17 @@ def shadow_rays(primary: np.ndarray, hits: "tracers.Hits", lights: list) -> np.n
     return np.column_stack([rows, np.zeros(len(rows)), np.ones(len(rows))])
 
 
+@pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("name", SCENES)
 def test_scene(
-    name: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+    name: str, precision: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     size = 32 if request.config.getoption("--rays") < 1_000_000 else 256
     cache: Path = tmp_path_factory.getbasetemp()
     scene = SCENES[name]
     tree = tracers.load_csg(str(to_csg(scene.model, cache)))
     view = scene.view(size, size)
-    naive = tracers.make("naive", tree)
+    naive = tracers.make("naive", tree, {"precision": precision})
     primary = view.primary_rays()
     rays = np.concatenate([primary, shadow_rays(primary, naive.trace(primary), scene.lights)])
     expected = naive.trace(rays)
@@ -41,6 +42,7 @@ def test_scene(
     picture = naive.render(view).hash
     for scheme in EXACT:
         for params in grid(scheme):
+            params = params | {"precision": precision}
             tracer = tracers.make(scheme.name, tree, params)
             assert_same(tree, scheme.name, params, tracer, rays, expected)
             assert tracer.render(view).hash == picture, f"{scheme.name} {params}: another picture"
