@@ -26,6 +26,8 @@ app = typer.Typer(
     csgbench reference            compare the pictures with POV-Ray's
     csgbench tables               report again what has been measured
     csgbench plots
+    csgbench stability            numerical stability at the extremes
+    csgbench oracle ball --pixel 200,310
     """,
     no_args_is_help=True,
     add_completion=False,
@@ -196,6 +198,39 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
     with _one_line_errors():
         _plots(study, results)
         _publish(publish, results)
+
+
+@app.command()
+def stability(
+    names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7; all without any.")] = None,
+    rays: Annotated[
+        int, typer.Option(min=0, help="At most so many a row; 0 is what the tests run.")
+    ] = 1_000_000,
+    publish: Publish = False,
+    results: Results = RESULTS,
+) -> None:
+    """Test numerical stability at the extremes: rows X1 to X18, each with its bar.
+
+    X18 plants twenty bugs and asks whether the other rows notice; it compiles for each. Exit code 1
+    if a bar is not met.
+
+    \b
+    csgbench stability
+    csgbench stability X3 X7 --rays 10000000
+    """
+    with _one_line_errors():
+        from harness import readme
+        from harness.stability import report
+
+        outcome = report.run(out, names or [], rays)
+        out.print(f"stability: {report.write(outcome, results)}")
+        for line in outcome.red:
+            err.print(f"red: {line}", style="red", markup=False)
+        if publish:
+            report.publish(results, PUBLISHED)
+            readme.refresh(ROOT / "README.md", PUBLISHED / "tables")
+        if outcome.red:
+            raise typer.Exit(1)
 
 
 def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) -> bool:

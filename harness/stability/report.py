@@ -1,0 +1,207 @@
+"""`make stability`: runs the rows, and shows them as one table and a plot."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from rich.console import Console
+from rich.progress import Progress
+
+from harness.plots import save
+from harness.stability import Finding, rows
+from harness.stability.planted import Catch, catch_all
+from harness.stability.run import run_row
+from harness.table import Column, Table, integer
+
+PLANTED = "X18"
+NAME = "stability"
+COLOURS = {True: "#009E73", False: "#D55E00"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    findings: list[Finding]
+    catches: list[Catch]
+    seconds: dict[str, float]  # by row
+
+    @property
+    def red(self) -> list[str]:
+        """A line for everything that is not met."""
+        lines = [f"{f.row} {f.case}: {verdict(f)}" for f in self.findings if not f.met]
+        return lines + [f"{PLANTED} {c.bug.name}: {c.how}" for c in self.catches if not c.row]
+
+
+def run(console: Console, names: Sequence[str], most: int) -> Outcome:
+    """The named rows, or all, each at its full number of rays or `most`."""
+    wanted = list(names) or [*rows(), PLANTED]
+    findings, catches, seconds = [], [], {}
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=len(wanted))
+        for name in wanted:
+            progress.update(task, description=name)
+            start = time.monotonic()
+            if name == PLANTED:
+                catches = catch_all(lambda done, total, bug: console.print(
+                    f"{PLANTED}: bug {done + 1} of {total}, {bug}", highlight=False
+                ))  # fmt: skip
+                found = f"{sum(bool(c.row) for c in catches)} of {len(catches)} caught"
+            else:
+                of_row = run_row(name, most)
+                findings += of_row
+                found = f"{sum(f.met for f in of_row)} of {len(of_row)} cases met"
+            seconds[name] = time.monotonic() - start
+            console.print(f"{name}: {found}, {seconds[name]:.0f} s", highlight=False)
+            progress.advance(task)
+    return Outcome(findings, catches, seconds)
+
+
+def verdict(finding: Finding) -> str:
+    """`met`, or what failed."""
+    if finding.met:
+        return "met"
+    parts = [f"{finding.failures} failed"] if finding.failures else []
+    if finding.worst is not None and not finding.worst <= finding.bar:
+        parts.append("over the bar")
+    return ", ".join(parts) + (f": {finding.red}" if finding.red else "")
+
+
+def findings_table(findings: Iterable[Finding]) -> Table:
+    """Every case of every row."""
+    titles = {name: row.title for name, row in rows().items()}
+    values = [
+        [
+            f.row, titles[f.row], f.case, f.rays, f.measured, f.worst, f.bar,
+            f.failures, f.excused, f.rate_bound, verdict(f),
+        ]
+        for f in findings
+    ]  # fmt: skip
+    columns = [
+        Column("row", "row", align="l"),
+        Column("extreme", "extreme", align="l"),
+        Column("case", "case", align="l"),
+        Column("rays", "rays", integer),
+        Column("measured", "measured", align="l"),
+        Column("worst", "worst", "{:.3g}".format),
+        Column("bar", "bar", "{:g}".format),
+        Column("failures", "failures", integer),
+        Column("excused", "excused", integer),
+        Column("rate_bound", "failure rate <", "{:.1e}".format),
+        Column("verdict", "verdict", align="l"),
+    ]
+    notes = [
+        "E = u·(|o| + size), times the condition of the transform; u is 2⁻⁵³ for float64 and 2⁻²⁴ "
+        "for float32. A failure is a flip, a false miss, a phantom layer, a hit seen twice…, as "
+        "the row says; excused are those within 4 E of where the answer changes. The failure "
+        "rate's 95% bound is 3/N where none was seen."
+    ]
+    title = "Numerical stability at the extremes, case by case"
+    return Table(f"{NAME}_cases", title, columns, values, notes, keys=3)
+
+
+def summary_table(outcome: Outcome) -> Table:
+    """A line a row: rays, the worst relative to its bar, failures, verdict."""
+    values = []
+    for name, row in rows().items():
+        of_row = [f for f in outcome.findings if f.row == name]
+        if not of_row:
+            continue
+        rated = [f for f in of_row if f.worst is not None]
+        worst = max(rated, key=lambda f: f.worst / f.bar if f.bar else np.inf, default=None)
+        unmet = [f for f in of_row if not f.met]
+        values.append([
+            name, row.title, sum(f.rays for f in of_row),
+            worst and f"{worst.worst:.3g} of {worst.bar:g} {worst.measured.rpartition(', ')[2]}",
+            sum(f.failures for f in of_row), sum(f.excused for f in of_row),
+            "green" if not unmet else f"red: {len(unmet)} of {len(of_row)} cases: "
+            + "; ".join(dict.fromkeys(f.red or verdict(f) for f in unmet)),
+        ])  # fmt: skip
+    if outcome.catches:
+        caught = sum(bool(c.row) for c in outcome.catches)
+        values.append([
+            PLANTED, "planted bugs, caught by a row", None, f"{caught} of {len(outcome.catches)}",
+            len(outcome.catches) - caught, 0, "green" if caught == len(outcome.catches) else "red",
+        ])  # fmt: skip
+    columns = [
+        Column("row", "row", align="l"),
+        Column("extreme", "extreme", align="l"),
+        Column("rays", "rays", integer),
+        Column("worst", "worst of its bar", align="l"),
+        Column("failures", "failures", integer),
+        Column("excused", "excused", integer),
+        Column("verdict", "verdict", align="l"),
+    ]
+    return Table(NAME, "Numerical stability at the extremes", columns, values)
+
+
+def planted_table(catches: Iterable[Catch]) -> Table:
+    values = [[c.bug.name, c.bug.edit.file, c.row or "none", c.how] for c in catches]
+    columns = [
+        Column("bug", "planted bug", align="l"),
+        Column("file", "file", align="l"),
+        Column("row", "caught by", align="l"),
+        Column("how", "which said", align="l"),
+    ]
+    return Table(
+        "planted", "Bugs planted one at a time, and the row that caught each", columns, values
+    )
+
+
+def plot(findings: Sequence[Finding]) -> Canvas:
+    """The worst of each case relative to its bar, and the bound on each row's rate of failures."""
+    rated = [f for f in findings if f.worst is not None and f.bar]
+    names = list(dict.fromkeys(f.row for f in findings))
+    canvas = Canvas(figsize=(9, 5))
+    left, right = canvas.subplots(1, 2, sharey=True)
+    for f in rated:
+        y, worst = names.index(f.row), max(f.worst / f.bar, 1e-3)
+        left.plot(worst, y, "o", color=COLOURS[f.met], alpha=0.5, markersize=5)
+    left.axvline(1, color="black", linewidth=0.8)
+    left.set_xscale("log")
+    left.set_xlabel("worst error, relative to its bar")
+    for y, name in enumerate(names):
+        of_row = [f for f in findings if f.row == name]
+        failures, rays = sum(f.failures for f in of_row), sum(f.rays for f in of_row)
+        whole = Finding(name, "", rays, "", None, None, failures)
+        # Where nothing failed the bound is drawn, as an arrow to the left; never a 0.
+        right.plot(whole.rate_bound, y, "<" if not failures else "o", color=COLOURS[failures == 0])
+    right.set_xscale("log")
+    right.set_xlabel("rate of failures a ray: 95% bound (◂ none seen)")
+    left.set_yticks(range(len(names)), names)
+    left.invert_yaxis()
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+    return canvas
+
+
+def write(outcome: Outcome, folder: Path) -> Path:
+    """Tables, plot and the raw findings, to `folder`/stability."""
+    target = folder / NAME
+    target.mkdir(parents=True, exist_ok=True)
+    tables = [summary_table(outcome), findings_table(outcome.findings)]
+    if outcome.catches:
+        tables.append(planted_table(outcome.catches))
+    for table in tables:
+        (target / f"{table.name}.md").write_text(table.markdown())
+        (target / f"{table.name}.csv").write_text(table.csv())
+        (target / f"{table.name}.tex").write_text(table.latex())
+    raw = [dataclasses.asdict(f) for f in outcome.findings]
+    (target / "findings.json").write_text(json.dumps(raw, indent=1) + "\n")
+    if outcome.findings:
+        save(plot(outcome.findings), target / NAME)
+    return target / f"{NAME}.md"
+
+
+def publish(folder: Path, target: Path) -> None:
+    """What a reader of the repository sees."""
+    for file in (folder / NAME).iterdir():
+        if file.suffix in (".md", ".csv", ".svg", ".png"):
+            copy = target / ("tables" if file.suffix in (".md", ".csv") else "plots") / file.name
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
