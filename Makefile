@@ -11,7 +11,7 @@ PYTHON := $(VENV)/bin/python
 BENCH := $(VENV)/bin/csgbench
 SOURCES := $(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def) CMakeLists.txt pyproject.toml
 
-.PHONY: help setup sweep test check conformance stability reference report publish paper lock format clean
+.PHONY: help setup sweep test check conformance accuracy stability reference report publish paper lock format clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,6 +31,9 @@ check: setup  ## style and lint
 
 conformance: setup  ## all exact schemes against naive, RAYS=1000000 a family and scheme
 	@$(PYTHON) -m pytest tracers/tests/test_conformance.py tracers/tests/test_conformance_scenes.py --rays $(RAYS)
+
+accuracy: setup  ## speed for accuracy: one knob at a time, against the oracle
+	@$(BENCH) accuracy
 
 stability: setup  ## numerical stability at the extremes (RAYS=1000000 a row)
 	@$(BENCH) stability --rays $(RAYS)

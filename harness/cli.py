@@ -26,6 +26,7 @@ app = typer.Typer(
     csgbench reference            compare the pictures with POV-Ray's
     csgbench tables               report again what has been measured
     csgbench plots
+    csgbench accuracy             speed for accuracy, one knob at a time
     csgbench stability            numerical stability at the extremes
     csgbench oracle ball --pixel 200,310
     """,
@@ -83,26 +84,14 @@ def sweep(
     csgbench sweep mine.toml   a study of your own, written like paper.toml
     """
     with _one_line_errors():
-        from harness import machine, progress, report, trials
-        from harness import sweep as sweeps
-        from harness.store import Store
+        from harness.report import load_study
 
-        planned = report.load_study(study)
-        store = Store(results / STORE)
-        with store.alone(), progress.Report(out) as shown:
-            session = machine.session(planned.name, seed)
-            store.add_session(session)
-            sweeps.sweep(
-                planned.configurations, trials.first, store, session.session, shown,
-                seed=seed, retry=retry,
-            )  # fmt: skip
-        counts = ", ".join(f"{n} {status}" for status, n in shown.statuses.items())
-        out.print(f"{planned.name}: {counts or 'nothing was left to run'}")
+        failed = _measure(study, seed, retry, results)
         if not bare:
-            _check(results, planned.pictures, missing_only=True)
+            _check(results, load_study(study).pictures, missing_only=True)
             _tables(study, results)
             _plots(study, results)
-        if shown.statuses.keys() - {"ok", "unsupported"}:
+        if failed:
             raise typer.Exit(1)
 
 
@@ -201,6 +190,31 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
 
 
 @app.command()
+def accuracy(
+    seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
+    publish: Publish = False,
+    results: Results = RESULTS,
+) -> None:
+    """Measure the trade of speed for accuracy: one knob at a time, against the exact scheme and the
+    oracle; then its tables and plots, to results/accuracy/.
+
+    The settings are those of harness/sweeps/accuracy.toml. What is measured already is kept.
+    """
+    with _one_line_errors():
+        from harness.accuracy import report
+        from harness.report import load_study
+        from harness.store import Store
+
+        failed = _measure(report.NAME, seed, False, results)
+        planned, store = load_study(report.NAME), Store(results / STORE)
+        report.measure_missing(out, planned, store)
+        out.print(f"accuracy: {report.write(report.load(planned, store), results)}")
+        _publish(publish, results / report.NAME)
+        if failed:
+            raise typer.Exit(1)
+
+
+@app.command()
 def stability(
     names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7; all without any.")] = None,
     rays: Annotated[
@@ -219,7 +233,6 @@ def stability(
     csgbench stability X3 X7 --rays 10000000
     """
     with _one_line_errors():
-        from harness import readme
         from harness.stability import report
 
         outcome = report.run(out, names or [], rays)
@@ -227,10 +240,29 @@ def stability(
         for line in outcome.red:
             err.print(f"red: {line}", style="red", markup=False)
         if publish:
-            report.publish(results, PUBLISHED)
-            readme.refresh(ROOT / "README.md", PUBLISHED / "tables")
+            _publish(True, results / report.NAME)
         if outcome.red:
             raise typer.Exit(1)
+
+
+def _measure(study: str, seed: int, retry: bool, folder: Path) -> bool:
+    """Every trial of a study that has no row yet. Whether any failed."""
+    from harness import machine, progress, report, trials
+    from harness import sweep as sweeps
+    from harness.store import Store
+
+    planned = report.load_study(study)
+    store = Store(folder / STORE)
+    with store.alone(), progress.Report(out) as shown:
+        session = machine.session(planned.name, seed)
+        store.add_session(session)
+        sweeps.sweep(
+            planned.configurations, trials.first, store, session.session, shown,
+            seed=seed, retry=retry,
+        )  # fmt: skip
+    counts = ", ".join(f"{n} {status}" for status, n in shown.statuses.items())
+    out.print(f"{planned.name}: {counts or 'nothing was left to run'}")
+    return bool(shown.statuses.keys() - {"ok", "unsupported"})
 
 
 def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) -> bool:

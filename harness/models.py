@@ -25,15 +25,20 @@ def scene(model: str) -> Scene:
     return scenes[model]
 
 
+def csg(model: str) -> Path:
+    """The .csg that OpenSCAD makes of it."""
+    return to_csg(scene(model).model, CACHE)
+
+
 @cache
 def tree(model: str, shape: str = "as_written") -> tracers.CsgTree:
-    return tracers.load_csg(str(to_csg(scene(model).model, CACHE)), shape)
+    return tracers.load_csg(str(csg(model)), shape)
 
 
 @cache
 def content_hash(model: str) -> str:
     """Changes with the solid, the camera and the lights; not with comments or file names."""
-    solid = to_csg(scene(model).model, CACHE).read_bytes()
+    solid = csg(model).read_bytes()
     return hashlib.sha256(solid + repr(scene(model)).encode()).hexdigest()[:16]
 
 

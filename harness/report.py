@@ -19,7 +19,7 @@ from harness.scheme_tables import (
     work,
 )
 from harness.store import Store
-from harness.table import Table, latex_text
+from harness.table import Table, latex_text, write_forms
 from harness.tables import break_even, characteristics, optimum, reductions, timing
 from harness.trials import cost_picture
 
@@ -70,11 +70,7 @@ def write_tables(paper: Results, grid: Results, folder: Path) -> Path:
     tables = all_tables(paper, grid, models.characteristics(paper.study.models))
     tables = [table for table in tables if table.rows]
     each = folder / "tables"
-    each.mkdir(parents=True, exist_ok=True)
-    for table in tables:
-        (each / f"{table.name}.md").write_text(table.markdown())
-        (each / f"{table.name}.csv").write_text(table.csv())
-        (each / f"{table.name}.tex").write_text(table.latex())
+    write_forms(tables, each)
     (each / "values.tex").write_text(_values(tables))
     (folder / "tables.md").write_text(_document(tables, paper))
     paper.rows.to_csv(folder / "trials.csv", index=False, lineterminator="\n")
@@ -117,7 +113,7 @@ def _values(tables: list[Table]) -> str:
 
 def publish(folder: Path, target: Path) -> None:
     """Copy what a reader of the repository sees: all but the LaTeX."""
-    patterns = ("tables.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
+    patterns = ("*.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
     _copy((file for pattern in patterns for file in folder.glob(pattern)), folder, target)
 
 

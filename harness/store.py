@@ -21,7 +21,7 @@ from harness import UserError
 if TYPE_CHECKING:
     import pandas as pd
 
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,22 @@ class Check:
     checked_utc: str
 
 
+@dataclass(frozen=True)
+class Errors:
+    """What a configuration errs; see accuracy/measure.py for the figures."""
+
+    model: str
+    model_hash: str
+    shape: str
+    scheme: str
+    params: str
+    width: int
+    height: int
+    code_version: str
+    figures: dict[str, float]
+    measured_utc: str
+
+
 _TYPES = {"str": "TEXT", "int": "INTEGER", "float": "REAL", "bool": "INTEGER", "dict": "TEXT"}
 
 
@@ -118,6 +134,7 @@ CREATE TRIGGER trials_never_change BEFORE UPDATE ON trials
 CREATE TRIGGER trials_never_go BEFORE DELETE ON trials
   BEGIN SELECT RAISE(ABORT, 'a trial is never deleted'); END;
 CREATE TABLE checks ({_columns(Check)});
+CREATE TABLE errors ({_columns(Errors)});
 CREATE VIEW records AS SELECT * FROM trials JOIN sessions USING (session);
 PRAGMA user_version = {VERSION};
 """
@@ -143,8 +160,11 @@ class Store:
         if version == 0:
             for statement in _statements(_SCHEMA):
                 self._db.execute(statement)
+        if version == 1:  # had no errors yet
+            self._db.execute(f"CREATE TABLE errors ({_columns(Errors)})")
+            self._db.execute(f"PRAGMA user_version = {VERSION}")
         self._db.execute("COMMIT")
-        if version not in (0, VERSION):
+        if version not in (0, 1, VERSION):
             raise UserError(
                 f"{self.path}: written by version {version} of the store, this is {VERSION}; "
                 "move it away to begin a new one"
@@ -162,6 +182,9 @@ class Store:
 
     def add_check(self, check: Check) -> None:
         self._insert("checks", check)
+
+    def add_errors(self, errors: Errors) -> None:
+        self._insert("errors", errors)
 
     def _insert(self, table: str, *records: Any, **more: Any) -> None:
         row = {
@@ -191,6 +214,11 @@ class Store:
     def checks(self) -> list[dict[str, Any]]:
         """All comparisons with references, oldest first."""
         rows = map(dict, self._db.execute("SELECT * FROM checks ORDER BY rowid"))
+        return [row | {"figures": json.loads(row["figures"])} for row in rows]
+
+    def errors(self) -> list[dict[str, Any]]:
+        """All errors of configurations, oldest first."""
+        rows = map(dict, self._db.execute("SELECT * FROM errors ORDER BY rowid"))
         return [row | {"figures": json.loads(row["figures"])} for row in rows]
 
     @contextmanager

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -90,6 +91,15 @@ class Table:
             [_show(column, value) for column, value in zip(self.columns, row, strict=True)]
             for row in self.rows
         ]
+
+
+def write_forms(tables: Iterable[Table], folder: Path) -> None:
+    """Each as Markdown, CSV and LaTeX."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for table in tables:
+        (folder / f"{table.name}.md").write_text(table.markdown())
+        (folder / f"{table.name}.csv").write_text(table.csv())
+        (folder / f"{table.name}.tex").write_text(table.latex())
 
 
 def _is_nothing(value: Any) -> bool:

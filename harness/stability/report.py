@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import shutil
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -18,7 +16,7 @@ from harness.plots import save
 from harness.stability import Finding, rows
 from harness.stability.planted import Catch, catch_all
 from harness.stability.run import run_row
-from harness.table import Column, Table, integer
+from harness.table import Column, Table, integer, write_forms
 
 PLANTED = "X18"
 NAME = "stability"
@@ -183,25 +181,11 @@ def plot(findings: Sequence[Finding]) -> Canvas:
 def write(outcome: Outcome, folder: Path) -> Path:
     """Tables, plot and the raw findings, to `folder`/stability."""
     target = folder / NAME
-    target.mkdir(parents=True, exist_ok=True)
-    tables = [summary_table(outcome), findings_table(outcome.findings)]
-    if outcome.catches:
-        tables.append(planted_table(outcome.catches))
-    for table in tables:
-        (target / f"{table.name}.md").write_text(table.markdown())
-        (target / f"{table.name}.csv").write_text(table.csv())
-        (target / f"{table.name}.tex").write_text(table.latex())
-    raw = [dataclasses.asdict(f) for f in outcome.findings]
-    (target / "findings.json").write_text(json.dumps(raw, indent=1) + "\n")
+    tables = [summary_table(outcome), planted_table(outcome.catches)]
+    tables = [table for table in [*tables, findings_table(outcome.findings)] if table.rows]
+    write_forms(tables, target / "tables")
     if outcome.findings:
-        save(plot(outcome.findings), target / NAME)
-    return target / f"{NAME}.md"
-
-
-def publish(folder: Path, target: Path) -> None:
-    """What a reader of the repository sees."""
-    for file in (folder / NAME).iterdir():
-        if file.suffix in (".md", ".csv", ".svg", ".png"):
-            copy = target / ("tables" if file.suffix in (".md", ".csv") else "plots") / file.name
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, copy)
+        save(plot(outcome.findings), target / "plots" / NAME)
+    document = target / f"{NAME}.md"
+    document.write_text("\n".join(table.markdown() for table in tables))
+    return document

@@ -1,0 +1,352 @@
+"""The trade as tables and plots: each setting's cost beside its errors, and which to choose."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from rich.console import Console
+
+from harness import models, results
+from harness.accuracy.measure import by_model, measure
+from harness.machine import code_version
+from harness.plots import save
+from harness.results import Result, Results
+from harness.statistics import Estimate
+from harness.store import Errors, Store
+from harness.study import Configuration, Study
+from harness.table import Column, Table, milliseconds, number, scientific, write_forms
+from harness.worker import utc_now
+
+NAME = "accuracy"
+KNOBS = {  # colour, mark; what is not a knob of the exact scheme is another scheme
+    "exact": ("#000000", "*"),
+    "precision": ("#0072B2", "s"),
+    "torus": ("#009E73", "D"),
+    "tie_band": ("#CC79A7", "v"),
+    "shadow": ("#56B4E9", "P"),
+    "size": ("#999999", "x"),
+    "embree_mesh": ("#D55E00", "o"),
+    "sphere_tracing": ("#E69F00", "^"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """One configuration, measured in both ways."""
+
+    result: Result
+    knob: str
+    value: str
+    figures: dict[str, float]
+
+    @property
+    def ray_ns(self) -> Estimate:
+        return self.result.trace_s.map(lambda seconds: 1e9 * seconds / self.result.rays)
+
+    @property
+    def preparation_s(self) -> float:
+        """To build, and to make the mesh if there is one."""
+        return self.result.build_s.median + (self.result.mesh_s or 0)
+
+    @property
+    def label(self) -> str:
+        return self.value if self.knob == "exact" else f"{self.knob} {self.value}"
+
+    def per_million(self, key: str) -> float:
+        """Of the picture's pixels."""
+        return 1e6 * self.figures[key] / self.figures["pixels"]
+
+    @property
+    def bound_per_million(self) -> float:
+        """Below which a rate lies, with 95%, of which no case was seen."""
+        return 3e6 / self.figures["pixels"]
+
+    @property
+    def is_compared(self) -> bool:
+        """Of the size of the picture that all are held against."""
+        return "pixels" in self.figures
+
+
+# --- Measuring ----------------------------------------------------------------------------------
+
+
+def measure_missing(console: Console, study: Study, store: Store) -> None:
+    """Errors of every model of which some configuration has none for this code."""
+    known = {_key(row) for row in store.errors()}
+    for model, configurations in by_model(study.configurations).items():
+        hashed = models.content_hash(model)
+        records = [
+            Errors(c.model, hashed, c.shape, c.scheme, c.params, c.width, c.height,
+                   code_version(), {}, "")
+            for c in configurations
+        ]  # fmt: skip
+        if {_key(dataclasses.asdict(record)) for record in records} <= known:
+            continue
+        told = lambda label: console.print(f"errors: {label}", highlight=False)  # noqa: E731
+        figures = measure(configurations, told)
+        for record, found in zip(records, figures, strict=True):
+            store.add_errors(dataclasses.replace(record, figures=found, measured_utc=utc_now()))
+
+
+def _key(row: dict) -> tuple:
+    names = ("model", "model_hash", "shape", "scheme", "params", "width", "height", "code_version")
+    return tuple(row[name] for name in names)
+
+
+def load(study: Study, store: Store) -> list[Setting]:
+    """What has been measured in both ways, by the same code."""
+    found: Results = results.load(store, study)
+    errors = {_key(row): row["figures"] for row in store.errors()}
+    first = {model: group[0] for model, group in by_model(study.configurations).items()}
+    settings = []
+    for r in found.tabled:
+        row, c = r.rows.iloc[-1], r.configuration
+        figures = errors.get(_key({**dataclasses.asdict(c), **row[["model_hash", "code_version"]]}))
+        if figures is not None:
+            settings.append(Setting(r, *_knob(c, first[c.model]), figures))
+    return settings
+
+
+def _knob(c: Configuration, exact: Configuration) -> tuple[str, str]:
+    """What is turned, and to which value."""
+    ours, theirs = json.loads(c.params), json.loads(exact.params)
+    if c.scheme != exact.scheme:
+        return c.scheme, " ".join(
+            str(ours[key]) for key in ("segments", "tolerance") if key in ours
+        )
+    turned = [key for key in ours if ours[key] != theirs.get(key)]
+    if turned:
+        return turned[0], str(ours[turned[0]])
+    if (c.width, c.height) != (exact.width, exact.height):
+        return "size", f"{c.width}×{c.height}"
+    return "exact", "float64"
+
+
+# --- Tables -------------------------------------------------------------------------------------
+
+
+def settings_table(model: str, settings: Iterable[Setting]) -> Table:
+    """Every setting of a model: cost and errors."""
+    rows, pixels = [], 1
+    for s in settings:
+        if s.result.model != model or not s.is_compared:
+            continue
+        pixels = s.figures["pixels"]
+        rates = [
+            s.per_million(key)
+            for key in ("flips", "unexcused_flips", "wrong_leaves", "unexcused_wrong_leaves",
+                        "wrong_light")
+        ]  # fmt: skip
+        f = s.figures
+        rows.append([
+            s.knob, s.value, s.ray_ns, s.preparation_s, f["surface_p999"], f["surface_max"],
+            f["depth_rmse"], *rates, f["normal_p999_deg"], f["flip"],
+        ])  # fmt: skip
+    rate: Callable[[float], str] = lambda x: number(x) if x else f"< {number(3e6 / pixels)}"  # noqa: E731
+    columns = [
+        Column("knob", "knob", align="l"),
+        Column("value", "value", align="l"),
+        Column("ray_ns", "ns/ray", number),
+        Column("preparation_s", "preparation ms", milliseconds),
+        Column("surface_p999", "p99.9", scientific, group="surface error"),
+        Column("surface_max", "most", scientific, group="surface error"),
+        Column("depth_rmse", "depth RMSE", scientific),
+        Column("flips", "raw", rate, group="mask flips a million"),
+        Column("unexcused_flips", "unexcused", rate, group="mask flips a million"),
+        Column("wrong_leaves", "raw", rate, group="wrong leaves a million"),
+        Column("unexcused_wrong_leaves", "unexcused", rate, group="wrong leaves a million"),
+        Column("wrong_light", "wrong light a million", rate),
+        Column("normal_p999_deg", "normal p99.9 °", scientific),
+        Column("flip", "mean FLIP", scientific),
+    ]
+    notes = [
+        "Lengths are relative to the model's size. Surface error: distance of a hit from the true "
+        "surface of its leaf. Raw: against the exact scheme in double, over all pixels; unexcused: "
+        "what remains after asking the oracle, which excuses what lies within the rounding of the "
+        "setting's own precision. Where none was seen, the 95% bound 3/N stands."
+    ]
+    title = f"Speed for accuracy on {model}, one knob at a time"
+    return Table(f"{NAME}_{model}", title, columns, rows, notes, keys=2)
+
+
+def oracle_table(settings: Iterable[Setting]) -> Table:
+    """The exact scheme against the oracle."""
+    rows = []
+    for s in settings:
+        f = s.figures
+        if s.knob == "exact":
+            rows.append([
+                s.result.model, *(f[f"{where}{what}"] for where in ("sampled", "disputed")
+                                  for what in ("", "_excused", "_unexcused", "_worst_E")),
+            ])  # fmt: skip
+    columns = [Column("model", "model", align="l")]
+    for where, group in (("sampled", "a random sample"), ("disputed", "every disputed pixel")):
+        columns += [
+            Column(where, "pixels", group=group),
+            Column(f"{where}_excused", "excused", group=group),
+            Column(f"{where}_unexcused", "unexcused", group=group),
+            Column(f"{where}_worst_E", "worst error, E", number, group=group),
+        ]
+    notes = [
+        "Disputed is a pixel whose leaf, or whether anything is hit, differs between the exact "
+        "scheme and any setting above, or POV-Ray."
+    ]
+    return Table("oracle", "The exact scheme in double against the certified oracle", columns, rows,
+                 notes)  # fmt: skip
+
+
+def sizes_table(settings: Iterable[Setting]) -> Table:
+    """What the size of the picture buys."""
+    rows = [
+        [s.result.model, f"{s.result.configuration.width}×{s.result.configuration.height}",
+         s.result.trace_s, s.figures["flip_shown"]]
+        for s in sorted(settings, key=lambda s: (s.result.model, s.result.configuration.width))
+        if "flip_shown" in s.figures
+    ]  # fmt: skip
+    columns = [
+        Column("model", "model", align="l"),
+        Column("size", "size"),
+        Column("trace_s", "trace ms", milliseconds),
+        Column("flip_shown", "mean FLIP", scientific),
+    ]
+    notes = ["FLIP of the picture shown at 512×512, against one of 2048×2048 averaged down."]
+    return Table("sizes", "Speed for accuracy: the size of the picture", columns, rows, notes, 2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Need:
+    words: str
+    is_met: Callable[[Setting], bool]
+
+
+def _right(s: Setting) -> bool:
+    return not s.figures["unexcused_flips"] and not s.figures["unexcused_wrong_leaves"]
+
+
+NEEDS = [
+    Need("every bit, for references and for thin parts",
+         lambda s: _right(s) and s.figures["surface_max"] <= 1e-14
+         and not s.figures["wrong_light"]),
+    Need("dimensions to a millionth of the size, no hit wrong beyond rounding",
+         lambda s: _right(s) and s.figures["surface_max"] <= 1e-6),
+    Need("dimensions to a thousandth, masks right but for 100 pixels a million",
+         lambda s: s.figures["surface_p999"] <= 1e-3 and s.per_million("flips") <= 100),
+    Need("a picture in which nobody sees the difference (mean FLIP ≤ 0.01)",
+         lambda s: s.figures["flip"] <= 1e-2),
+]  # fmt: skip
+
+
+def choice_table(settings: Sequence[Setting]) -> Table:
+    """Which setting for which need, and what it costs, by model."""
+    rows = []
+    for model in dict.fromkeys(s.result.model for s in settings):
+        compared = [s for s in settings if s.result.model == model and s.is_compared]
+        exact = next((s for s in compared if s.knob == "exact"), None)
+        if exact is None:
+            continue
+        for need in NEEDS:
+            fit = [s for s in compared if need.is_met(s)]
+            if not fit:
+                rows.append([model, need.words, None, None, None, None, None, None])
+                continue
+            fastest = min(fit, key=lambda s: s.ray_ns.median)
+            soonest = min(fit, key=lambda s: s.preparation_s + s.result.trace_s.median)
+            first = soonest.preparation_s + soonest.result.trace_s.median
+            rows.append([
+                model, need.words, fastest.label, fastest.ray_ns,
+                exact.ray_ns.median / fastest.ray_ns.median, fastest.preparation_s,
+                soonest.label, first,
+            ])  # fmt: skip
+    columns = [
+        Column("model", "model", align="l"),
+        Column("need", "who needs", align="l"),
+        Column("fastest", "takes", align="l", group="to trace"),
+        Column("ray_ns", "ns/ray", number, group="to trace"),
+        Column("speedup", "times the exact's speed", number, group="to trace"),
+        Column("preparation_s", "preparation ms", milliseconds, group="to trace"),
+        Column("soonest", "takes", align="l", group="for one picture"),
+        Column("first_s", "all in all ms", milliseconds, group="for one picture"),
+    ]
+    title = "Which setting for which need, and what it costs"
+    return Table("choice", title, columns, rows, keys=2)
+
+
+# --- Plots --------------------------------------------------------------------------------------
+
+_PANELS = {
+    "surface_p999": "surface error p99.9, of the size",
+    "flips": "mask flips a million pixels",
+    "flip": "mean FLIP",
+}
+
+
+def plot(model: str, settings: Iterable[Setting]) -> Canvas:
+    """Time a ray against three errors; the line joins what nothing beats in both."""
+    shown = [s for s in settings if s.result.model == model and s.is_compared]
+    canvas = Canvas(figsize=(12, 4.6))
+    for axes, (key, what) in zip(canvas.subplots(1, 3), _PANELS.items(), strict=True):
+        points = []
+        for s in shown:
+            colour, mark = KNOBS.get(s.knob, ("#777777", "."))
+            x = s.ray_ns
+            y = s.per_million(key) if key == "flips" else s.figures[key]
+            none_seen = y == 0
+            if none_seen:
+                y = s.bound_per_million if key == "flips" else 1e-6
+            points.append((x.median, y))
+            reach = [[max(0, x.median - x.low)], [max(0, x.high - x.median)]]
+            axes.errorbar(x.median, y, xerr=np.nan_to_num(reach), fmt=mark, color=colour,
+                          markersize=8 if s.knob == "exact" else 5, linewidth=0.8,
+                          markerfacecolor="white" if none_seen else colour)  # fmt: skip
+            short = re.sub("algorithm_", "", s.value)
+            axes.annotate(short, (x.median, y), xytext=(4, 3), textcoords="offset points",
+                          fontsize=6, color=colour)  # fmt: skip
+        front = _pareto(points)
+        axes.step(*zip(*front, strict=True), where="post", color="#BBBBBB", linewidth=1, zorder=0)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("ns a ray")
+        axes.set_title(what)
+        axes.grid(alpha=0.3)
+    used = [knob for knob in KNOBS if any(s.knob == knob for s in shown)]
+    marks = [canvas.axes[0].plot([], [], KNOBS[k][1], color=KNOBS[k][0])[0] for k in used]
+    canvas.legend(marks, used, loc="outside lower center", ncols=len(used), fontsize=8)
+    canvas.suptitle(f"{model}: speed for accuracy (hollow: none seen, the 95% bound is drawn)")
+    return canvas
+
+
+def _pareto(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Those that no other beats in both coordinates, by the first."""
+    front: list[tuple[float, float]] = []
+    for x, y in sorted(points):
+        if not front or y < front[-1][1]:
+            front.append((x, y))
+    return front
+
+
+# --- Writing ------------------------------------------------------------------------------------
+
+
+def tables(settings: Sequence[Setting]) -> list[Table]:
+    every = dict.fromkeys(s.result.model for s in settings)
+    made = [choice_table(settings), *(settings_table(model, settings) for model in every),
+            oracle_table(settings), sizes_table(settings)]  # fmt: skip
+    return [table for table in made if table.rows]
+
+
+def write(settings: Sequence[Setting], folder: Path) -> Path:
+    """Tables and plots, to `folder`/accuracy; the document of all tables is named."""
+    target = folder / NAME
+    made = tables(settings)
+    write_forms(made, target / "tables")
+    document = target / f"{NAME}.md"
+    document.write_text("\n".join(table.markdown() for table in made))
+    for model in dict.fromkeys(s.result.model for s in settings):
+        save(plot(model, settings), target / "plots" / f"{NAME}_{model}")
+    return document
