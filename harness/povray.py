@@ -69,20 +69,20 @@ def _render(name: str, text: str, width: int, height: int) -> np.ndarray:
     with tempfile.TemporaryDirectory(prefix="povray-") as folder:
         (Path(folder) / "scene.pov").write_text(text)
         size = (f"+W{width}", f"+H{height}")
-        run = _run([*_COMMAND, *size, "+Iscene.pov", "+Opicture.png"], folder)
+        run = run_povray([*_COMMAND, *size, "+Iscene.pov", "+Opicture.png"], folder)
         if run.returncode != 0:
-            raise PovrayError(f"POV-Ray failed on the {name} picture: {_complaint(run)}")
+            raise PovrayError(f"POV-Ray failed on the {name} picture: {complaint(run)}")
         return images.read_codes(Path(folder) / "picture.png")
 
 
-def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
+def run_povray(command: list[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
     try:
         return subprocess.run(command, cwd=folder, capture_output=True, text=True)
     except FileNotFoundError:
         raise PovrayError("povray is not installed") from None
 
 
-def _complaint(run: subprocess.CompletedProcess[str]) -> str:
+def complaint(run: subprocess.CompletedProcess[str]) -> str:
     """POV-Ray's own message, which it breaks over lines, as one line."""
     if run.returncode < 0:
         return f"killed by signal {-run.returncode}"
@@ -92,7 +92,7 @@ def _complaint(run: subprocess.CompletedProcess[str]) -> str:
 
 @cache
 def _version() -> str:
-    said = _run(["povray", "--version"]).stderr
+    said = run_povray(["povray", "--version"]).stderr
     return next((line for line in said.splitlines() if "POV-Ray" in line), said)
 
 

@@ -24,17 +24,28 @@ class PovrayError(UserError):
     """A reference that POV-Ray cannot give; one line, with POV-Ray's own message."""
 
 
-class Shot:
-    """One model seen by one camera, scaled to POV-Ray's liking: p ↦ (p − centre)·scale."""
+class Frame:
+    """A model scaled to POV-Ray's liking: p ↦ (p − centre)·scale."""
 
-    def __init__(self, tree, scene, width: int, height: int) -> None:
+    def __init__(self, tree, eye_is_inside: bool = False) -> None:
         low, high = np.asarray(tree.bounds, float)
-        self.tree, self.scene = tree, scene
-        self.aspect = width / height
+        self.tree, self.eye_is_inside = tree, eye_is_inside
         self.centre = (low + high) / 2
         self.scale = 2.0 ** round(math.log2(_EXTENT / (high - low).max()))
+
+    def scaled(self, point) -> np.ndarray:
+        return (np.asarray(point, float) - self.centre) * self.scale
+
+
+class Shot(Frame):
+    """One model seen by one camera."""
+
+    def __init__(self, tree, scene, width: int, height: int) -> None:
+        super().__init__(tree, contains(tree, scene.eye))
+        low, high = np.asarray(tree.bounds, float)
+        self.scene = scene
+        self.aspect = width / height
         self.eye = self.scaled(scene.eye)
-        self.eye_is_inside = contains(tree, scene.eye)
         self.reach = math.dist(self.eye, (0, 0, 0)) + math.dist(low, high) * self.scale
         if self.reach > _REACH_MAX:
             raise PovrayError(
@@ -45,9 +56,6 @@ class Shot:
         albedo = max(np.nanmax(tree.colors, initial=0.0), *scene.albedo)
         light = np.sum([light[3:] for light in scene.lights], axis=0) + np.asarray(scene.ambient)
         self.gain = max(1.0, albedo * np.max(light), *scene.background)
-
-    def scaled(self, point) -> np.ndarray:
-        return (np.asarray(point, float) - self.centre) * self.scale
 
 
 def contains(tree, point) -> bool:
@@ -92,7 +100,7 @@ def final(shot: Shot) -> str:
         finish=f"ambient rgb {_vector(scene.ambient, gain)} diffuse 1",
         background=_vector(scene.background, gain),
         lights="\n".join(lights),
-        solid=_solid(shot, [f"pigment {{ rgb {_vector(color)} }}" for color in colors]),
+        solid=solid(shot, [f"pigment {{ rgb {_vector(color)} }}" for color in colors]),
     )
 
 
@@ -118,7 +126,7 @@ def normal(shot: Shot) -> str:
 
 def _measurement(shot: Shot, declarations: str, red: str, green: str, blue: str) -> str:
     """A scene that glows by three patterns with values in 0..1. An average divides by three."""
-    solid = _solid(shot, [""] * len(shot.tree.kinds))
+    glowing = solid(shot)
     pigment = f"""pigment {{
   average pigment_map {{
     [1 {red} color_map {{ [0 rgb 0] [1 rgb <3, 0, 0>] }}]
@@ -131,7 +139,7 @@ def _measurement(shot: Shot, declarations: str, red: str, green: str, blue: str)
         finish="ambient 0 diffuse 0 emission 1",
         background="0",
         lights="",
-        solid=f"{declarations}\nobject {{\n{solid}\n{pigment}\n}}",
+        solid=f"{declarations}\nobject {{\n{glowing}\n{pigment}\n}}",
     )
 
 
@@ -171,8 +179,8 @@ def _vector(values, divisor: float = 1.0) -> str:
 # --- The solid ----------------------------------------------------------------------------------
 
 
-def _solid(shot: Shot, pigments: list[str]) -> str:
-    """The tree as one POV-Ray object; pigments: one a leaf, or '' for that of the whole.
+def solid(frame: Frame, pigments: list[str] | None = None) -> str:
+    """The tree as one POV-Ray object; pigments: one a leaf, or none for one of the whole.
 
     A union is POV-Ray's `union`, which keeps the surfaces that its parts have inside each other:
     from outside the solid they are never the first, and what they shade is inside. `merge` drops
@@ -183,12 +191,13 @@ def _solid(shot: Shot, pigments: list[str]) -> str:
     and the pixels are the same.
     """
     words = {
-        UNION: "merge" if shot.eye_is_inside else "union",
+        UNION: "merge" if frame.eye_is_inside else "union",
         INTERSECTION: "intersection",
         DIFFERENCE: "difference",
     }
-    operators = shot.tree.operators.tolist()
-    leaves, boxes = _leaves(shot, pigments), _boxes(shot)
+    operators = frame.tree.operators.tolist()
+    leaves = _leaves(frame, pigments or [""] * len(frame.tree.kinds))
+    boxes = _boxes(frame)
     lines: list[str] = []
     nesting = 0
     root = len(operators) - 1
@@ -211,15 +220,15 @@ def _solid(shot: Shot, pigments: list[str]) -> str:
     return "\n".join(lines)
 
 
-def _leaves(shot: Shot, pigments: list[str]) -> list[str]:
+def _leaves(frame: Frame, pigments: list[str]) -> list[str]:
     """Each leaf as a POV-Ray primitive. What its matrix scales evenly goes into its size, because
     POV-Ray's tolerances act in the primitive's own space."""
-    tree = shot.tree
+    tree = frame.tree
     linear = np.array(tree.matrices[:, :, :3], float)
     stretch = np.cbrt(np.abs(np.linalg.det(linear)))
     linear /= stretch[:, None, None]
-    sizes = np.asarray(tree.sizes) * (stretch * shot.scale)[:, None]
-    offsets = shot.scaled(tree.matrices[:, :, 3])
+    sizes = np.asarray(tree.sizes) * (stretch * frame.scale)[:, None]
+    offsets = frame.scaled(tree.matrices[:, :, 3])
     lines = []
     for leaf, kind in enumerate(tree.kinds):
         a, b, c = sizes[leaf].tolist()
@@ -240,13 +249,13 @@ def _leaves(shot: Shot, pigments: list[str]) -> list[str]:
     return lines
 
 
-def _boxes(shot: Shot) -> list[np.ndarray]:
+def _boxes(frame: Frame) -> list[np.ndarray]:
     """For every node, the (2, 3) low and high corner of a box around its solid, with some room."""
-    tree = shot.tree
+    tree = frame.tree
     sizes = tree.sizes.tolist()
     half = np.array([_half_extents(kind, *sizes[leaf]) for leaf, kind in enumerate(tree.kinds)])
-    reach = np.einsum("nij,nj->ni", np.abs(tree.matrices[:, :, :3]), half) * shot.scale + 1e-3
-    centre = shot.scaled(tree.matrices[:, :, 3])
+    reach = np.einsum("nij,nj->ni", np.abs(tree.matrices[:, :, :3]), half) * frame.scale + 1e-3
+    centre = frame.scaled(tree.matrices[:, :, 3])
     of_leaf = np.stack([centre - reach, centre + reach], axis=1)
     boxes: list[np.ndarray] = []
     for op, left, right in tree.operators.tolist():
