@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -187,6 +188,32 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
     with _one_line_errors():
         _plots(study, results)
         _publish(publish, results)
+
+
+@app.command()
+def oracle(
+    model: Annotated[
+        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
+    ],
+    pixel: Annotated[
+        str | None, typer.Option(help="x,y from the top left; the middle without any.")
+    ] = None,
+    size: Size = "512x512",
+) -> None:
+    """Explain one ray in exact arithmetic: every crossing, the solid between them, and what each
+    exact scheme answered.
+
+    \b
+    csgbench oracle ball --pixel 200,310
+    csgbench oracle part.scad --pixel 10,10 --size 64x64
+    """
+    with _one_line_errors():
+        from harness.oracle.explain import explain
+
+        match = re.fullmatch(r"(\d+),(\d+)", pixel or "0,0")
+        if not match:
+            raise UserError(f"pixel '{pixel}' is not of the form x,y, such as 200,310")
+        explain(out, model, (int(match[1]), int(match[2])) if pixel else None, size=size)
 
 
 @app.command()

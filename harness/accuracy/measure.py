@@ -17,8 +17,8 @@ import numpy as np
 
 from harness import models
 from harness.images import srgb_from_linear
-from harness.oracle import ExactSolid, Line
-from harness.oracle.judge import U_DOUBLE, U_FLOAT, Tally, judge_rays
+from harness.oracle import U_DOUBLE, U_FLOAT, ExactSolid, Tally, judge_rays
+from harness.oracle.leaf import Line
 from harness.oracle.surface import SurfacePoint
 from harness.povray import render_reference
 from harness.schemes import precision

@@ -1,0 +1,204 @@
+"""`csgbench oracle`: one ray explained, from its crossings to what each scheme answered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import tracers
+from harness import UserError, models
+from harness.openscad import to_csg
+from harness.oracle.judge import Judgement, Verdict, judge
+from harness.oracle.solid import Answer, Crossing, ExactSolid
+from harness.scenes import Scene, load_scenes
+from harness.trace import parse_size
+
+_FACES = {
+    "block": ("x low", "x high", "y low", "y high", "z low", "z high"),
+    "cylinder": ("side", "bottom", "top"),
+    "cone": ("side", "bottom", "top"),
+}
+
+
+def explain(
+    out: Console,
+    model: str,
+    pixel: tuple[int, int] | None = None,
+    ray: np.ndarray | None = None,
+    size: str | tuple[int, int] | None = None,
+) -> None:
+    """Print all that happens on one ray of a scene, or of a .scad or .csg.
+
+    pixel: x from the left, y from the top; without one, and without a ray, the middle. ray: (6,) or
+    (8,) as in the tracers. size: `512x512` or (width, height) in pixels; the scene's own if None.
+    """
+    tree, scene = _load(model)
+    solid = ExactSolid.from_csg(to_csg(scene.model, models.CACHE), tree)
+    row = _checked(ray) if ray is not None else _pixel_ray(out, scene, pixel, size)
+    answer = solid.answer(row)
+    out.print(
+        f"{model}: {tree.halfspaces:,} halfspaces, decimals as rationals; "
+        f"{len(solid.candidates(row))} near the ray"
+    )
+    out.print(f"origin    ({_triple(row[:3])})")
+    out.print(f"direction ({_triple(row[3:6])}), {row[6]:g} < t < {row[7]:g}")
+    if answer.coplanar:
+        names = ", ".join(_name(solid, leaf) for leaf in answer.coplanar)
+        out.print(
+            f"The ray runs in the surface of {names}: taken as outside of it.", style="yellow"
+        )
+    out.print()
+    out.print(_crossings_table(solid, answer))
+    out.print()
+    out.print(_sentence(solid, answer))
+    out.print()
+    out.print(_schemes_table(solid, answer, row))
+
+
+def _load(model: str) -> tuple[tracers.CsgTree, Scene]:
+    if model in load_scenes():
+        return models.tree(model), models.scene(model)
+    return models.from_file(Path(model))
+
+
+def _pixel_ray(
+    out: Console,
+    scene: Scene,
+    pixel: tuple[int, int] | None,
+    size: str | tuple[int, int] | None,
+) -> np.ndarray:
+    wanted = parse_size(size) if isinstance(size, str) else size
+    width, height = wanted or (scene.width, scene.height)
+    x, y = pixel or (width // 2, height // 2)
+    if not (0 <= x < width and 0 <= y < height):
+        raise UserError(f"pixel {x},{y} is not in a picture of {width}x{height}")
+    out.print(f"pixel {x},{y} of {width}×{height}")
+    return scene.view(width, height).primary_rays()[y * width + x]
+
+
+def _checked(ray: np.ndarray) -> np.ndarray:
+    row = np.array(ray, dtype=np.float64)
+    if row.shape == (6,):
+        row = np.append(row, [0.0, math.inf])
+    if row.shape != (8,) or not np.isfinite(row[:6]).all() or not row[3:6].any():
+        raise UserError("a ray is ox oy oz dx dy dz [t_min t_max], finite, its direction not zero")
+    return row
+
+
+def _name(solid: ExactSolid, leaf: int) -> str:
+    return f"{solid.kinds[leaf]} {leaf}"
+
+
+def _triple(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.17g}" for value in values)
+
+
+# --- The crossings ------------------------------------------------------------------------------
+
+
+def _crossings_table(solid: ExactSolid, answer: Answer) -> Table:
+    table = Table(
+        box=None, pad_edge=False, title="Crossings of the whole line", title_justify="left"
+    )
+    for heading in ("", "t", "halfspace", "face", "", "then inside of", "the solid"):
+        table.add_column(
+            heading,
+            justify="right" if heading == "t" else "left",
+            no_wrap=heading != "then inside of",
+        )
+    within: set[int] = set()
+    for i, crossing in enumerate(answer.crossings):
+        for change in crossing.changes:
+            (within.add if change.inside else within.discard)(change.leaf)
+        for j, change in enumerate(crossing.changes):
+            faces = _FACES.get(solid.kinds[change.leaf], ("surface",))
+            last = j + 1 == len(crossing.changes)
+            table.add_row(
+                "hit →" if i == answer.first and j == 0 else "",
+                f"{crossing.t:.17g}" if j == 0 else "=",
+                _name(solid, change.leaf),
+                ", ".join(faces[piece] for piece in change.pieces),
+                "enters" if change.inside else "leaves",
+                " ".join(map(str, sorted(within))) if last else "",
+                _state(answer, i) if last else "",
+            )
+    return table
+
+
+def _state(answer: Answer, i: int) -> str:
+    inside = answer.crossings[i].inside
+    before = answer.crossings[i - 1].inside if i else False
+    return ("inside" if inside else "outside") + (", changed" if inside != before else "")
+
+
+def _sentence(solid: ExactSolid, answer: Answer) -> str:
+    start = "inside" if answer.starts_inside else "outside"
+    hit = answer.hit
+    if hit is None:
+        return f"The ray starts {start} and meets no boundary: a certified miss."
+    others = [_name(solid, leaf) for leaf in hit.leaves if leaf != answer.leaf]
+    tie = f", at exactly the same t as {', '.join(others)}" if others else ""
+    end = answer.span_end
+    ends = "" if end is None else f" The solid changes next at t = {end:.17g}."
+    return (
+        f"The ray starts {start} and {'enters' if answer.entering else 'leaves'} the solid at "
+        f"{_name(solid, answer.leaf)}{tie}, {_enclosure(hit)}.{ends}"
+    )
+
+
+def _enclosure(crossing: Crossing) -> str:
+    return f"{crossing.low:.17g} < t < {crossing.high:.17g}, certified"
+
+
+# --- The schemes --------------------------------------------------------------------------------
+
+
+def _schemes_table(solid: ExactSolid, answer: Answer, ray: np.ndarray) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("scheme", "t", "halfspace", "verdict", "error, E", "normal, °"):
+        right = heading in ("t", "error, E", "normal, °")
+        table.add_column(heading, justify="right" if right else "left", no_wrap=heading == "t")
+    for name, hits in _answers(solid.tree, ray):
+        if isinstance(hits, str):
+            table.add_row(name, "", "", hits)
+            continue
+        t, leaf = float(hits.t[0]), int(hits.leaf[0])
+        judgement = judge(solid, answer, ray, t, leaf, hits.normal[0])
+        table.add_row(
+            name,
+            f"{t:.17g}",
+            "none" if leaf < 0 else _name(solid, leaf),
+            _verdict(judgement),
+            _figure(judgement.error),
+            _figure(judgement.normal_deg),
+        )
+    return table
+
+
+def _answers(tree: tracers.CsgTree, ray: np.ndarray) -> Iterator[tuple[str, tracers.Hits | str]]:
+    """Every exact scheme with its default parameters, or why it has none."""
+    for scheme in tracers.schemes():
+        if scheme.needs_mesh or not scheme.exact:
+            continue
+        try:
+            yield scheme.name, tracers.make(scheme.name, tree).trace(ray[None])
+        except (ValueError, RuntimeError) as error:
+            yield scheme.name, str(error)
+
+
+def _verdict(judgement: Judgement) -> str:
+    shown = judgement.verdict.value.replace("_", " ")
+    if judgement.verdict is Verdict.AGREE:
+        return f"[green]{shown}[/green]"
+    if judgement.verdict is Verdict.EXCUSED:
+        return f"[yellow]{shown}: {judgement.reason}[/yellow]"
+    return f"[red]{shown}[/red]"
+
+
+def _figure(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.2g}"
