@@ -6,7 +6,7 @@
 // surface is nearer than the result says, so a ray may go that far. Over the whole tree this is O(n) a
 // step, so the march is made inside the cells of sdsm's octree with their localized trees. There the
 // bound holds for the surfaces in the cell alone: no step leads out of it, the next cell goes on.
-//   d, h       as for sdsm.
+//   d, h       as for sdsm; small cells pay, since each step evaluates a whole localized tree.
 //   tolerance  k: where the bound is below 10⁻ᵏ of the model's size, the ray has hit.
 //   steps      the most a ray takes. One that runs out of them has hit where it is if its last step
 //              drew it nearer to the surface, and misses if not.
@@ -157,13 +157,14 @@ class SphereTracing final : public Tracer {
       const Interval in = slab(octree_.world(), ray.origin, reciprocal);
       if (!(in.lo < in.hi) || !(march.start() < in.hi) || !(in.lo < ray.t_max)) return march.hit();
       if (march.start() < in.lo) march.come_from_outside();
-      const double t0 = std::max(in.lo, march.start());
-      octree_.walk(ray, reciprocal, t0, in.hi, [&](Cell cell, double from, double to) {
+      bool ended = false;
+      octree_.walk(ray, reciprocal, std::max(in.lo, march.start()), in.hi, [&](Cell cell, double t0, double t1) {
         work.cell();
-        const bool ended = cell.is_partial() ? march.pass(octree_.trees().tree(cell.tree()), from, to)
-                                             : march.pass_constant(cell.is_full(), from);
-        return ended || !(to < ray.t_max);
+        ended = cell.is_partial() ? march.pass(octree_.trees().tree(cell.tree()), t0, t1)
+                                  : march.pass_constant(cell.is_full(), t0);
+        return ended || !(t1 < ray.t_max);
       });
+      if (!ended) march.pass_constant(false, in.hi);  // out of the world
       return march.hit();
     });
   }
@@ -175,6 +176,8 @@ class SphereTracing final : public Tracer {
 
 std::vector<ParamSpec> sphere_tracing_params() {
   std::vector<ParamSpec> params = octree_params();
+  for (ParamSpec& param : params)
+    if (param.name == "h") param.default_value = 2L;  // a step costs all that a cell holds, not the few hit
   params.push_back({.name = "tolerance",
                     .meaning = "a point within 10^-tolerance of the model's size is on the surface",
                     .default_value = 6L,
