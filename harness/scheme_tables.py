@@ -61,9 +61,9 @@ def schemes(model: str, results: Results) -> Table:
     ]
     notes = [
         f"Each scheme with the fastest of its parameters in this study. {INTERVAL} Work is a "
-        "ray's, primary and shadow rays alike. An inexact scheme answers another question: the "
-        "surface of a mesh. Making that takes the time under mesh, on all cores and once; it is "
-        "not in the build time.",
+        "ray's, primary and shadow rays alike. An inexact scheme answers another question: where a "
+        "mesh is, or where a surface is nearer than a tolerance. Making the mesh takes the time "
+        "under mesh, on all cores and once; it is not in the build time.",
         *_constants(results),
         *notes,
     ]

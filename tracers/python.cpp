@@ -18,6 +18,7 @@
 
 #include "csg/loader.hpp"
 #include "params.hpp"
+#include "primitives/distance.hpp"
 #include "render/render.hpp"
 #include "structures/audit.hpp"
 
@@ -476,5 +477,19 @@ NB_MODULE(tracers, m) {
       "tree"_a, "rays"_a.noconvert(), "numerics"_a = std::map<std::string, csg::ParamValue>{}, "leaf"_a = 0,
       "One kernel on whole lines: counts (N,) int32, t (N, 4) float64 ascending, +inf where there is none, and the "
       "seconds that it took.");
+  m.def(
+      "distance_bounds",
+      [](const CsgTree& tree, const Doubles3& points) {
+        return array<double>({points.shape(0), tree.leaves().size()}, [&](double* out) {
+          for (std::size_t i = 0; i < points.shape(0); ++i) {
+            const double* p = points.data() + 3 * i;
+            for (const csg::Leaf& leaf : tree.leaves())
+              *out++ = csg::smallest_stretch(leaf) * csg::local_distance(leaf, {p[0], p[1], p[2]}).value;
+          }
+        });
+      },
+      "tree"_a, "points"_a.noconvert(),
+      "(N, leaves) float64, model units, of points (N, 3): each leaf's signed distance bound, negative inside. The "
+      "premise of sphere tracing: none exceeds the distance to the surface.");
   m.def("machine", &machine, "Compiler, its flags, Embree's version.");
 }

@@ -57,7 +57,7 @@ struct CountNothing {
   void boolean() {}
 };
 
-/// Triangles standing in for the solid, for the one scheme that is inexact.
+/// Triangles standing in for the solid, for the schemes that trace them.
 struct TriangleMesh {
   std::vector<Vec3> vertices;
   std::vector<std::uint32_t> triangles;  ///< three indices a triangle

@@ -74,19 +74,6 @@ Box world_bounds(const Leaf& leaf) {
   return box;
 }
 
-/// An upper bound of the largest stretch, tight for similarities: ‖MᵀM‖₂ ≤ ‖MᵀM‖₁. `scale`, about the
-/// largest entry, keeps the squares in range.
-double largest_stretch(const Mat3& m, double scale) {
-  Mat3 near_one;
-  for (int i = 0; i < 3; ++i) near_one.col[i] = (1 / scale) * m.col[i];
-  double most = 0;
-  for (const Vec3& column : near_one.col) {
-    const Vec3 products = transposed_times(near_one, column);
-    most = std::max(most, std::fabs(products.x) + std::fabs(products.y) + std::fabs(products.z));
-  }
-  return scale * std::sqrt(most);
-}
-
 bool is_identity(const Mat3& m) {
   for (int c = 0; c < 3; ++c) {
     for (int r = 0; r < 3; ++r) {
@@ -108,7 +95,7 @@ void derive(Leaf& leaf, std::size_t index) {
   leaf.is_translation = is_identity(leaf.world_from_local.linear);
   leaf.bounds = world_bounds(leaf);
   leaf.unit = std::ldexp(1.0, std::ilogb(local_radius(leaf)));
-  leaf.reach = local_radius(leaf) * largest_stretch(leaf.world_from_local.linear, inverse.scale);
+  leaf.reach = local_radius(leaf) * largest_stretch(leaf.world_from_local.linear);
   if (!finite(leaf.bounds.lo) || !finite(leaf.bounds.hi)) refuse("its bounds are not finite");
 }
 

@@ -1,4 +1,4 @@
-// The inverse of a linear map together with its condition, free of over- and underflow.
+// The inverse of a linear map, its condition and its largest stretch, free of over- and underflow.
 #pragma once
 #include "../vec.hpp"
 
@@ -10,7 +10,6 @@ inline constexpr double kMaxCondition = 1e15;
 struct Inverse {
   Mat3 matrix;
   double condition = kInfinity;  ///< ‖M‖·‖M⁻¹‖/3 in the Frobenius norm: 1 for a similarity
-  double scale = 1;              ///< a power of two near the largest entry
 
   bool usable() const { return condition <= kMaxCondition; }  // false for NaN, too
 };
@@ -21,6 +20,14 @@ inline Mat3 scaled_by_power_of_two(const Mat3& m, int exponent) {
     for (int r = 0; r < 3; ++r) result.col[c][r] = std::ldexp(m.col[c][r], exponent);
   }
   return result;
+}
+
+inline double largest_entry(const Mat3& m) {
+  double largest = 0;
+  for (const Vec3& column : m.col) {
+    for (int r = 0; r < 3; ++r) largest = std::max(largest, std::abs(column[r]));
+  }
+  return largest;
 }
 
 /// M⁻¹ by elimination with complete pivoting, column by column: M·M⁻¹ − 1 is of the order of
@@ -55,16 +62,25 @@ inline Mat3 eliminated(const Mat3& m) {
 
 /// Works on M scaled to entries near 1, so that maps of any magnitude are judged by shape alone.
 inline Inverse invert(const Mat3& m) {
-  double largest = 0;
-  for (const Vec3& column : m.col) {
-    for (int r = 0; r < 3; ++r) largest = std::max(largest, std::abs(column[r]));
-  }
+  const double largest = largest_entry(m);
   if (!(largest > 0 && largest < kInfinity)) return {};
   const int exponent = std::ilogb(largest);
   const Mat3 near_one = scaled_by_power_of_two(m, -exponent);
   const Mat3 result = eliminated(near_one);
-  return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3,
-          std::ldexp(1.0, exponent)};
+  return {scaled_by_power_of_two(result, -exponent), frobenius(near_one) * frobenius(result) / 3};
+}
+
+/// An upper bound of the largest stretch, tight for similarities: ‖MᵀM‖₂ ≤ ‖MᵀM‖₁, of M scaled to
+/// entries near 1. Precondition: M is finite and not zero.
+inline double largest_stretch(const Mat3& m) {
+  const int exponent = std::ilogb(largest_entry(m));
+  const Mat3 near_one = scaled_by_power_of_two(m, -exponent);
+  double most = 0;
+  for (const Vec3& column : near_one.col) {
+    const Vec3 products = transposed_times(near_one, column);
+    most = std::max(most, std::fabs(products.x) + std::fabs(products.y) + std::fabs(products.z));
+  }
+  return std::ldexp(std::sqrt(most), exponent);
 }
 
 }  // namespace csg

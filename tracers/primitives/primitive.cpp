@@ -12,11 +12,6 @@
 namespace csg {
 namespace {
 
-Vec3 to_local(const Leaf& leaf, const Vec3& p) {
-  const Vec3 from_centre = p - leaf.world_from_local.offset;
-  return leaf.is_translation ? from_centre : leaf.local_from_world * from_centre;
-}
-
 bool contains(const Leaf& leaf, const Vec3& p) {
   switch (leaf.kind) {
     case Kind::Sphere:

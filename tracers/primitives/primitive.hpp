@@ -6,6 +6,12 @@
 
 namespace csg {
 
+/// A world point in the leaf's local frame.
+inline Vec3 to_local(const Leaf& leaf, const Vec3& p) {
+  const Vec3 from_centre = p - leaf.world_from_local.offset;
+  return leaf.is_translation ? from_centre : leaf.local_from_world * from_centre;
+}
+
 /// Where the whole line of the ray crosses the leaf (rule 1): a pure function of leaf and ray.
 Crossings crossings(const Leaf& leaf, const Ray& ray);
 

@@ -1,4 +1,4 @@
-// Embree over triangles: what a user would pick instead of tracing CSG, and the one inexact scheme.
+// Embree over triangles: what a user would pick instead of tracing CSG. Inexact: it traces another surface.
 //
 // The solid's boundary is made into triangles beforehand (by Manifold, round primitives cut into a
 // stated number of segments) and Embree traces them as single rays. Depth, normal and outline are
