@@ -1,30 +1,8 @@
 // Torus around z: g(p) = hypot(ρ − R, z) − r ≤ 0 with ρ = hypot(x, y) and R ≥ r.
 #pragma once
-#include "crossings.hpp"
+#include "torus_quartic.hpp"
 
 namespace csg::torus {
-
-/// A line with a unit direction whose origin is its point nearest the torus' centre.
-template <class Real>
-struct Probe {
-  Line<Real> line;
-  Real major, minor;
-
-  Real distance(Real s) const {
-    const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy, z = line.oz + s * line.dz;
-    const Real tube = std::sqrt(x * x + y * y) - major;
-    return std::sqrt(tube * tube + z * z) - minor;
-  }
-  /// g and dg/ds.
-  std::pair<Real, Real> distance_and_slope(Real s) const {
-    const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy, z = line.oz + s * line.dz;
-    const Real rho = std::sqrt(x * x + y * y), tube = rho - major;
-    const Real from_circle = std::sqrt(tube * tube + z * z);
-    const Real rho_slope = rho > 0 ? (x * line.dx + y * line.dy) / rho : 0;
-    const Real slope = from_circle > 0 ? (tube * rho_slope + z * line.dz) / from_circle : 0;
-    return {from_circle - minor, slope};
-  }
-};
 
 /// Real roots, ascending, of s³ + p·s + q. A double root may be missed or found twice: there the
 /// quartic has no extremum, only an inflection.
@@ -87,44 +65,22 @@ Real bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside) 
 /// loses it.
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
-  const Real shift = recentre(line);
-  // In units of a power of two near R, so that sixth powers stay in range and no library function
-  // (cbrt) makes the bits depend on the scale.
-  const Real unit = std::ldexp(Real{1}, std::ilogb(size[0]));
-  const Real major = static_cast<Real>(size[0]) / unit, minor = static_cast<Real>(size[1]) / unit;
-  line.ox /= unit, line.oy /= unit, line.oz /= unit;
-  const Real outer = major + minor;
-  const Real squared = line.ox * line.ox + line.oy * line.oy + line.oz * line.oz;
-  if (!(squared < outer * outer)) return {};
-  const Real speed = std::sqrt(line.dx * line.dx + line.dy * line.dy + line.dz * line.dz);
-  line.dx /= speed, line.dy /= speed, line.dz /= speed;
-
-  // The chord of the bounding disc |z| ≤ r, |p| ≤ R + r: outside it g > 0.
-  Chord<Real> chord;
-  const Real half = std::sqrt((outer - std::sqrt(squared)) * (outer + std::sqrt(squared)));
-  chord.clip(-half, half, 0, 0);
-  chord.clip_slab(line.oz, line.dz, minor, 0);
-  if (!(chord.enter < chord.leave)) return {};
-
-  const Probe<Real> probe{line, major, minor};
-  const Real flat = line.dx * line.dx + line.dy * line.dy;
-  const Real p = squared + (major - minor) * (major + minor) - 2 * major * major * flat;
-  const Real q = -2 * major * major * (line.ox * line.dx + line.oy * line.dy);
+  const Approach<Real> to(size, line);
+  if (to.misses()) return {};
+  const Quartic<Real> quartic(to);
   Real critical[3];
-  const int count = depressed_cubic_roots(p, q, critical);
+  const int count = depressed_cubic_roots(quartic.p, quartic.q, critical);
 
   Crossings out;
-  Real lo = chord.enter;
+  Real lo = to.chord.enter;
   bool inside = false;
   for (int i = 0; i <= count; ++i) {
     const bool last = i == count;
-    const Real at = last ? chord.leave : critical[i];
-    if (!last && !(lo < at && at < chord.leave)) continue;
-    const bool now_inside = !last && probe.distance(at) < 0;
+    const Real at = last ? to.chord.leave : critical[i];
+    if (!last && !(lo < at && at < to.chord.leave)) continue;
+    const bool now_inside = !last && to.probe.distance(at) < 0;
     if (now_inside != inside) {
-      const Real t = shift + unit * bracketed_root(probe, lo, at, inside) / speed;
-      // Moving back may round two roots out of order: then they are the same.
-      out.add(out.count ? std::max<double>(t, out.t[out.count - 1]) : t, 0);
+      to.add(out, bracketed_root(to.probe, lo, at, inside));
       inside = now_inside;
     }
     lo = at;
