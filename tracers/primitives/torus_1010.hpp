@@ -7,7 +7,10 @@
 // ways, the one that reproduces the quartic best is taken; Newton's iteration then refines the
 // quadratics' coefficients together.
 //
-// Here the quartic has no cubic term (a = 0), so that the paper's l₁ is 0, and its coefficients are
+// Where d₂ is no more than noise the published code puts 0 for it, if that fits better, but takes as
+// noise one epsilon only, and lines through the axis exceed that. Here both are always compared.
+//
+// The quartic has no cubic term (a = 0), so that the paper's l₁ is 0, and its coefficients are
 // of the order of 1 (torus_quartic.hpp), so that its rescaling against overflow is not needed.
 // Accurate to the quartic's last digit, it still fails where the coefficients have lost r: on thin
 // tori, and near tangency, where polishing cannot bring back a pair that was missed.
@@ -166,17 +169,15 @@ bool factor(const Monic<Real>& m, Factors<Real>& out) {
     const std::complex<Real> a{0, std::sqrt(d2)}, b{l3, std::sqrt(d2) * l2};
     error = error_of(Factors<std::complex<Real>>{a, b, std::conj(a), std::conj(b)}, m);
   }
-  const Real scale = std::max(std::fabs(2 * m.b / 3), std::fabs(phi));
-  if (std::fabs(d2) <= std::numeric_limits<Real>::epsilon() * scale) {  // is d₂ = 0 nearer?
-    const Real d3 = m.d - l3 * l3, root = std::sqrt(std::fabs(d3));
-    if (d3 <= 0) {
-      Factors<Real> f{0, l3 + root, 0, l3 - root};
-      balance_constants(f, m.d);
-      if (d2 == 0 || error_of(f, m) < error) real = true, out = f;
-    } else {
-      const std::complex<Real> b{l3, root};
-      if (d2 == 0 || error_of(Factors<std::complex<Real>>{0, b, 0, std::conj(b)}, m) < error) real = false;
-    }
+  // Is d₂ = 0 nearer?
+  const Real d3 = m.d - l3 * l3, root = std::sqrt(std::fabs(d3));
+  if (d3 <= 0) {
+    Factors<Real> f{0, l3 + root, 0, l3 - root};
+    balance_constants(f, m.d);
+    if (error_of(f, m) < error) real = true, out = f;
+  } else {
+    const std::complex<Real> b{l3, root};
+    if (error_of(Factors<std::complex<Real>>{0, b, 0, std::conj(b)}, m) < error) real = false;
   }
   if (real) refine(out, m);
   return real;
