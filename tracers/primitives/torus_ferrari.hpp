@@ -2,9 +2,8 @@
 //
 // The recentred quartic s⁴ + P·s² + Q·s + w is split into (s² + α·s + β)(s² − α·s + γ) by the
 // largest root α² of its resolvent cubic (Cardano, Viète). Nothing is polished and nothing checked
-// against the surface. It is fast and fails where quartics do: near double roots β and γ lose half
-// the digits, for small Q the quotient Q/α loses more, and on a thin torus the coefficients have
-// lost r before the solver begins.
+// against the surface. It is fast and fails where quartics do: α² near 0 and double roots lose half
+// the digits, and on a thin torus the coefficients have lost r before the solver begins.
 #pragma once
 #include "torus_quartic.hpp"
 
@@ -45,17 +44,17 @@ Crossings crossings(const double* size, Line<Real> line) {
   const torus::Quartic<Real> quartic(to);
   const Real p = 2 * quartic.p, q = 4 * quartic.q, w = quartic.w;
 
-  const Real squared = largest_cubic_root<Real>(2 * p, p * p - 4 * w, -q * q);
+  // α² and (γ − β)² by the resolvent; the larger of α² and γ − β gives the other by α·(γ − β) = Q,
+  // which also serves Q = 0, a quadratic in s².
+  const Real squared = std::max<Real>(0, largest_cubic_root<Real>(2 * p, p * p - 4 * w, -q * q)), sum = p + squared;
+  Real alpha = std::sqrt(squared), difference = std::sqrt(std::max<Real>(0, sum * sum - 4 * w));
+  if (squared > difference)
+    difference = q / alpha;
+  else if (difference > 0)
+    alpha = q / difference;
   Real roots[4];
-  Real* end = roots;
-  if (q != 0 && squared > 0) {
-    const Real alpha = std::sqrt(squared), sum = p + squared, difference = q / alpha;
-    end = append_quadratic_roots(alpha, (sum - difference) / 2, end);
-    end = append_quadratic_roots(-alpha, (sum + difference) / 2, end);
-  } else if (const Real discriminant = p * p / 4 - w; discriminant > 0) {  // a quadratic in s²
-    for (const Real square : {-p / 2 - std::sqrt(discriminant), -p / 2 + std::sqrt(discriminant)})
-      if (square > 0) *end++ = -std::sqrt(square), *end++ = std::sqrt(square);
-  }
+  Real* end = append_quadratic_roots(alpha, (sum - difference) / 2, roots);
+  end = append_quadratic_roots(-alpha, (sum + difference) / 2, end);
   torus::sort_roots(roots, end);
   Crossings out;
   for (const Real* root = roots; root != end; ++root) to.add(out, *root);
