@@ -186,12 +186,14 @@ bool factor(const Monic<Real>& m, Factors<Real>& out) {
 /// Newton's steps on the distance from the surface, each kept only if it comes nearer.
 template <class Real>
 Real polish(const torus::Probe<Real>& probe, Real s) {
-  auto [g, slope] = probe.distance_and_slope(s);
-  for (int step = 0; step < 2 && g != 0 && slope != 0; ++step) {
-    const Real next = s - g / slope;
-    const auto [next_g, next_slope] = probe.distance_and_slope(next);
-    if (!(std::fabs(next_g) < std::fabs(g))) break;
-    s = next, g = next_g, slope = next_slope;
+  torus::Sample<Real> here = probe.at(s);
+  for (int step = 0; step < 2 && here.distance != 0; ++step) {
+    const Real slope = probe.scaled_slope(here);
+    if (slope == 0) break;
+    const Real next = s - here.distance * here.from_circle * here.rho / slope;
+    const torus::Sample<Real> there = probe.at(next);
+    if (!(std::fabs(there.distance) < std::fabs(here.distance))) break;
+    s = next, here = there;
   }
   return s;
 }
