@@ -40,7 +40,7 @@ struct Probe {
 /// Where the line may meet the torus at all, and the way back to the line's own parameter.
 template <class Real>
 struct Approach {
-  Probe<Real> probe;
+  Probe<Real> probe{};
   Chord<Real> chord;  ///< of the bounding disc |z| ≤ r, |p| ≤ R + r: outside it g > 0
   Real squared = 0;   ///< distance² of the line from the centre
   Real shift = 0, back = 1;
@@ -64,8 +64,9 @@ struct Approach {
     back = unit / pace;
     const Real speed = std::sqrt(line.dx * line.dx + line.dy * line.dy + line.dz * line.dz);
     const Real half = std::sqrt((outer - std::sqrt(squared)) * (outer + std::sqrt(squared))) / speed;
-    chord.clip(-half, half, 0, 0);
-    chord.clip_slab(line.oz, line.dz, minor, 0);
+    constexpr Real kWider = 1 + 4 * std::numeric_limits<Real>::epsilon();  // a root may lie on the disc's rim
+    chord.clip(-kWider * half, kWider * half, 0, 0);
+    chord.clip_slab(line.oz, line.dz, kWider * minor, 0);
     probe = {line, major, minor};
   }
 
