@@ -44,46 +44,56 @@ Real root_beside(const Quartic<double>& quartic, const Probe<Real>& probe, Real 
   const Real across = p.rho + probe.major, other = across * across + p.z * p.z - probe.minor * probe.minor;
   const Real depth = p.distance * (p.from_circle + probe.minor) * other / (dd * dd);
   const Real bend = 6 * s * s + 2 * static_cast<Real>(quartic.p);
-  Real by = std::copysign(std::sqrt(-depth / bend), reach);
-  for (int step = 0; step < 6; ++step) {
-    if (!(std::fabs(by) < std::fabs(reach))) by = reach / 2;
+  // Without the cubic term a quadratic in by², of which depth < 0 leaves one positive root.
+  Real by = std::copysign(std::sqrt(-2 * depth / (bend + std::sqrt(bend * bend - 4 * depth))), reach);
+  if (!(std::fabs(by) < std::fabs(reach))) by = reach;
+  for (int step = 0; step < 8; ++step) {
     const Real value = depth + by * by * (bend + by * (4 * s + by));
-    const Real step_by = value / (by * (2 * bend + by * (12 * s + 4 * by)));
-    by -= step_by;
-    if (std::fabs(step_by) <= Real(0x1p-12) * std::fabs(by)) break;
+    const Real next = by - value / (by * (2 * bend + by * (12 * s + 4 * by)));
+    const Real moved = std::fabs(next - by);
+    if (!(0 < next / reach))
+      by = by / 2;
+    else if (!(next / reach < 1))
+      by = (by + reach) / 2;
+    else
+      by = next;
+    if (moved <= Real(0x1p-16) * std::fabs(by)) break;
   }
   return s + by;
 }
 
+/// A root s + rest: rounded but once, when it is moved back to the line's own parameter.
+template <class Real>
+struct Root {
+  Real s, rest = 0;
+};
+
 /// The root of g in a bracket where its sign changes: Newton, bisection where Newton leaves it.
 template <class Real>
-Real bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside, Real s) {
-  constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
+Root<Real> bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside, Real s) {
   const Line<Real>& line = probe.line;
   const Real dd = line.dx * line.dx + line.dy * line.dy + line.dz * line.dz;
-  const Real rounding = kUlp / 4 * probe.major;
+  const Real rounding = std::numeric_limits<Real>::epsilon() / 4 * probe.major;
   Real last_step = hi - lo;
   if (!(lo < s && s < hi)) s = lo + (hi - lo) / 2;
   for (int step = 0; step < 128; ++step) {
     const Sample<Real> p = probe.at(s);
-    if (std::fabs(p.distance) <= rounding) return s;
     if ((p.distance < 0) == lo_inside)
       lo = s;
     else
       hi = s;
     const Real back = p.distance * p.from_circle * p.rho / probe.scaled_slope(p);
     Real next = s - back;
-    if (lo < next && next < hi && 2 * std::fabs(back) < last_step) {
-      // What the step leaves of g is its second derivative's share, with |g"| ≤ |d|²(1 + |tube|/ρ)/hypot.
-      if (back * back * dd * (p.rho + std::fabs(p.tube)) <= rounding * p.from_circle * p.rho) return next;
-    } else {
-      next = lo + (hi - lo) / 2;
-      if (next == lo || next == hi) return s;
-    }
+    // What a step leaves of g is its second derivative's share, with |g"| ≤ |d|²(1 + |tube|/ρ)/hypot.
+    const Real left = back * back * dd * (p.rho + std::fabs(p.tube)), small = rounding * p.from_circle * p.rho;
+    if (lo <= next && next <= hi && left < small) return {s, -back};
+    if (std::fabs(p.distance) <= rounding) return {s};
+    if (!(lo < next && next < hi) || !(2 * std::fabs(back) < last_step)) next = lo + (hi - lo) / 2;
+    if (next == lo || next == hi) return {s};
     last_step = std::fabs(next - s);
     s = next;
   }
-  return s;
+  return {s};
 }
 
 /// Bracketed by the stationary points of the quartic (its derivative is a depressed cubic once the
@@ -113,7 +123,8 @@ Crossings crossings(const double* size, const Line<Real>& line) {
     if (now_inside) minimum = at, lowest = here;
     if (now_inside != inside) {
       const Real start = root_beside(quartic, probe, minimum, lowest, inside ? at - minimum : lo - minimum);
-      to.add(out, bracketed_root(probe, lo, at, inside, start));
+      const Root<Real> root = bracketed_root(probe, lo, at, inside, start);
+      to.add(out, root.s, root.rest);
       inside = now_inside;
     }
     lo = at;

@@ -72,9 +72,11 @@ struct Approach {
 
   bool misses() const { return !(chord.enter < chord.leave); }
 
-  /// Moving back may round two roots out of order: then they are the same.
-  void add(Crossings& out, Real s) const {
-    const Real t = shift + back * s;
+  /// The crossing at s + rest. Moving back may round two out of order: then they are the same.
+  void add(Crossings& out, Real s, Real rest = 0) const {
+    const Real by = back * s, sum = shift + by, by_in_sum = sum - shift;
+    const Real lost = (shift - (sum - by_in_sum)) + (by - by_in_sum);
+    const Real t = sum + (lost + back * rest);
     out.add(out.count ? std::max<double>(t, out.t[out.count - 1]) : t, 0);
   }
 };
