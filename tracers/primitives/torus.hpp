@@ -1,130 +1,130 @@
 // Torus around z: g(p) = hypot(ρ − R, z) − r ≤ 0 with ρ = hypot(x, y) and R ≥ r.
 #pragma once
-#include "crossings.hpp"
+#include "torus_quartic.hpp"
 
 namespace csg::torus {
 
-/// A line with a unit direction whose origin is its point nearest the torus' centre.
+/// Where the quartic is stationary, ascending: the real roots of s³ + p·s + q. A double root may be
+/// missed or found twice: there the quartic has no extremum, only an inflection.
 template <class Real>
-struct Probe {
-  Line<Real> line;
-  Real major, minor;
-
-  Real distance(Real s) const {
-    const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy, z = line.oz + s * line.dz;
-    const Real tube = std::sqrt(x * x + y * y) - major;
-    return std::sqrt(tube * tube + z * z) - minor;
-  }
-  /// g and dg/ds.
-  std::pair<Real, Real> distance_and_slope(Real s) const {
-    const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy, z = line.oz + s * line.dz;
-    const Real rho = std::sqrt(x * x + y * y), tube = rho - major;
-    const Real from_circle = std::sqrt(tube * tube + z * z);
-    const Real rho_slope = rho > 0 ? (x * line.dx + y * line.dy) / rho : 0;
-    const Real slope = from_circle > 0 ? (tube * rho_slope + z * line.dz) / from_circle : 0;
-    return {from_circle - minor, slope};
-  }
-};
-
-/// Real roots, ascending, of s³ + p·s + q. A double root may be missed or found twice: there the
-/// quartic has no extremum, only an inflection.
-template <class Real>
-int depressed_cubic_roots(Real p, Real q, Real roots[3]) {
-  const auto polish = [&](Real s) {
-    for (int step = 0; step < 2; ++step) {
-      const Real slope = 3 * s * s + p;
-      if (slope == 0) break;
-      s -= ((s * s + p) * s + q) / slope;
-    }
-    return s;
-  };
-  const Real third = p / 3, half = q / 2;
+int stationary_points(const Quartic<Real>& quartic, Real points[3]) {
+  const Real third = quartic.p / 3, half = quartic.q / 2;
   const Real discriminant = half * half + third * third * third;
   if (discriminant > 0) {
     const Real u = std::cbrt(-half - std::copysign(std::sqrt(discriminant), half));
-    roots[0] = polish(u == 0 ? 0 : u - third / u);
+    const Real s = u - third / u, slope = 3 * (s * s + third);
+    points[0] = slope > 0 ? s - ((s * s + quartic.p) * s + quartic.q) / slope : s;
     return 1;
   }
   const Real scale = std::sqrt(-third);
-  if (scale == 0) {
-    roots[0] = 0;
+  if (!(scale > 0)) {
+    points[0] = 0;
     return 1;
   }
-  const Real cosine = std::clamp<Real>(-half / (scale * scale * scale), -1, 1);
-  const Real angle = std::acos(cosine) / 3;
-  constexpr Real kThirdTurn = static_cast<Real>(2.0943951023931953);
-  roots[0] = polish(2 * scale * std::cos(angle + kThirdTurn));
-  roots[1] = polish(2 * scale * std::cos(angle - kThirdTurn));
-  roots[2] = polish(2 * scale * std::cos(angle));
-  std::sort(roots, roots + 3);
+  // s = ±scale·y with y³ − 3y = c, 0 ≤ c ≤ 2. The largest root, 2·cos(acos(c/2)/3), is a parabola but
+  // for 3e-4; two steps of Newton's give all digits. It leaves a quadratic.
+  const Real c = std::min<Real>(2 * std::fabs(half) / (scale * scale * scale), 2);
+  Real y = Real(1.7320508) + c * (Real(0.1606942) - c * Real(0.0133598));
+  for (int step = 0; step < 2; ++step) y -= ((y * y - 3) * y - c) / (3 * (y * y - 1));
+  const Real apart = std::sqrt(std::max<Real>(0, 3 * (2 - y) * (2 + y)));
+  const Real side = -std::copysign(scale, half);
+  points[0] = side * y;
+  points[1] = -side * (y + apart) / 2;
+  points[2] = -side * 2 * c / (y * (y + apart));  // the product of the three is c: no cancellation
+  sort_roots(points, points + 3);
   return 3;
 }
 
-/// The root of g in a bracket where its sign changes: Newton, bisection where Newton leaves.
+/// A root of the quartic beside its minimum at `s`, which lies at the point p inside the torus, in the
+/// direction of and within `reach`, roughly: the quartic around s, with its value there from p.
 template <class Real>
-Real bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside) {
-  Real s = lo + (hi - lo) / 2, last_step = hi - lo;
+Real root_beside(const Quartic<double>& quartic, const Probe<Real>& probe, Real s, const Sample<Real>& p, Real reach) {
+  const Line<Real>& line = probe.line;
+  const Real dd = line.dx * line.dx + line.dy * line.dy + line.dz * line.dz;
+  const Real across = p.rho + probe.major, other = across * across + p.z * p.z - probe.minor * probe.minor;
+  const Real depth = p.distance * (p.from_circle + probe.minor) * other / (dd * dd);
+  const Real bend = 6 * s * s + 2 * static_cast<Real>(quartic.p);
+  // Without the cubic term a quadratic in by², of which depth < 0 leaves one positive root.
+  Real by = std::copysign(std::sqrt(-2 * depth / (bend + std::sqrt(bend * bend - 4 * depth))), reach);
+  if (!(std::fabs(by) < std::fabs(reach))) by = reach;
+  for (int step = 0; step < 8; ++step) {
+    const Real value = depth + by * by * (bend + by * (4 * s + by));
+    const Real next = by - value / (by * (2 * bend + by * (12 * s + 4 * by)));
+    const Real moved = std::fabs(next - by);
+    if (!(0 < next / reach))
+      by = by / 2;
+    else if (!(next / reach < 1))
+      by = (by + reach) / 2;
+    else
+      by = next;
+    if (moved <= Real(0x1p-16) * std::fabs(by)) break;
+  }
+  return s + by;
+}
+
+/// A root s + rest: rounded but once, when it is moved back to the line's own parameter.
+template <class Real>
+struct Root {
+  Real s, rest = 0;
+};
+
+/// The root of g in a bracket where its sign changes: Newton, bisection where Newton leaves it.
+template <class Real>
+Root<Real> bracketed_root(const Probe<Real>& probe, Real lo, Real hi, bool lo_inside, Real s) {
+  const Line<Real>& line = probe.line;
+  const Real dd = line.dx * line.dx + line.dy * line.dy + line.dz * line.dz;
+  const Real rounding = std::numeric_limits<Real>::epsilon() / 4 * probe.major;
+  Real last_step = hi - lo;
+  if (!(lo < s && s < hi)) s = lo + (hi - lo) / 2;
   for (int step = 0; step < 128; ++step) {
-    const auto [g, slope] = probe.distance_and_slope(s);
-    if (g == 0) return s;
-    if ((g < 0) == lo_inside)
+    const Sample<Real> p = probe.at(s);
+    if ((p.distance < 0) == lo_inside)
       lo = s;
     else
       hi = s;
-    Real next = s - g / slope;
-    if (!(lo < next && next < hi) || !(2 * std::fabs(next - s) < last_step)) next = lo + (hi - lo) / 2;
+    const Real back = p.distance * p.from_circle * p.rho / probe.scaled_slope(p);
+    Real next = s - back;
+    // What a step leaves of g is its second derivative's share, with |g"| ≤ |d|²(1 + |tube|/ρ)/hypot.
+    const Real left = back * back * dd * (p.rho + std::fabs(p.tube)), small = rounding * p.from_circle * p.rho;
+    if (lo <= next && next <= hi && left < small) return {s, -back};
+    if (std::fabs(p.distance) <= rounding) return {s};
+    if (!(lo < next && next < hi) || !(2 * std::fabs(back) < last_step)) next = lo + (hi - lo) / 2;
+    if (next == lo || next == hi) return {s};
     last_step = std::fabs(next - s);
-    if (next == s || next == lo || next == hi) return s;
-    // Newton has converged once its step no longer moves the surface point by an ulp of the scale.
-    if (last_step <= 2 * std::numeric_limits<Real>::epsilon() * std::fabs(s)) return next;
     s = next;
   }
-  return s;
+  return {s};
 }
 
-/// Bracketed by the critical points of the quartic (its derivative is a depressed cubic once the
+/// Bracketed by the stationary points of the quartic (its derivative is a depressed cubic once the
 /// line is recentred), sign and root by the geometric g, which keeps r where the expanded quartic
-/// loses it.
+/// loses it. The cubic is solved in double also for Real = float: where a line runs along a thin
+/// torus, three stationary points are nearly one, and the cube root of float's rounding would put
+/// them off by more than such a torus is thick. All that is measured, g, is measured in Real.
 template <class Real>
-Crossings crossings(const double* size, Line<Real> line) {
-  const Real shift = recentre(line);
-  // In units of a power of two near R, so that sixth powers stay in range and no library function
-  // (cbrt) makes the bits depend on the scale.
-  const Real unit = std::ldexp(Real{1}, std::ilogb(size[0]));
-  const Real major = static_cast<Real>(size[0]) / unit, minor = static_cast<Real>(size[1]) / unit;
-  line.ox /= unit, line.oy /= unit, line.oz /= unit;
-  const Real outer = major + minor;
-  const Real squared = line.ox * line.ox + line.oy * line.oy + line.oz * line.oz;
-  if (!(squared < outer * outer)) return {};
-  const Real speed = std::sqrt(line.dx * line.dx + line.dy * line.dy + line.dz * line.dz);
-  line.dx /= speed, line.dy /= speed, line.dz /= speed;
-
-  // The chord of the bounding disc |z| ≤ r, |p| ≤ R + r: outside it g > 0.
-  Chord<Real> chord;
-  const Real half = std::sqrt((outer - std::sqrt(squared)) * (outer + std::sqrt(squared)));
-  chord.clip(-half, half, 0, 0);
-  chord.clip_slab(line.oz, line.dz, minor, 0);
-  if (!(chord.enter < chord.leave)) return {};
-
-  const Probe<Real> probe{line, major, minor};
-  const Real flat = line.dx * line.dx + line.dy * line.dy;
-  const Real p = squared + (major - minor) * (major + minor) - 2 * major * major * flat;
-  const Real q = -2 * major * major * (line.ox * line.dx + line.oy * line.dy);
-  Real critical[3];
-  const int count = depressed_cubic_roots(p, q, critical);
+Crossings crossings(const double* size, const Line<Real>& line) {
+  const Approach<double> to(size, {line.ox, line.oy, line.oz, line.dx, line.dy, line.dz});
+  if (to.misses()) return {};
+  const Probe<Real> probe(to.probe);
+  const Quartic<double> quartic(to);
+  double points[3];
+  const int count = stationary_points(quartic, points);
 
   Crossings out;
-  Real lo = chord.enter;
+  Real lo = static_cast<Real>(to.chord.enter), minimum = 0;
   bool inside = false;
+  Sample<Real> lowest{};
   for (int i = 0; i <= count; ++i) {
     const bool last = i == count;
-    const Real at = last ? chord.leave : critical[i];
-    if (!last && !(lo < at && at < chord.leave)) continue;
-    const bool now_inside = !last && probe.distance(at) < 0;
+    const Real at = static_cast<Real>(last ? to.chord.leave : points[i]);
+    if (!last && !(lo < at && at < to.chord.leave)) continue;
+    const Sample<Real> here = probe.at(at);
+    const bool now_inside = !last && here.distance < 0;
+    if (now_inside) minimum = at, lowest = here;
     if (now_inside != inside) {
-      const Real t = shift + unit * bracketed_root(probe, lo, at, inside) / speed;
-      // Moving back may round two roots out of order: then they are the same.
-      out.add(out.count ? std::max<double>(t, out.t[out.count - 1]) : t, 0);
+      const Real start = root_beside(quartic, probe, minimum, lowest, inside ? at - minimum : lo - minimum);
+      const Root<Real> root = bracketed_root(probe, lo, at, inside, start);
+      to.add(out, root.s, root.rest);
       inside = now_inside;
     }
     lo = at;
