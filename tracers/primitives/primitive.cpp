@@ -7,7 +7,9 @@
 #include "cylinder.hpp"
 #include "sphere.hpp"
 #include "torus.hpp"
+#include "torus_1010.hpp"
 #include "torus_class.hpp"
+#include "torus_ferrari.hpp"
 
 namespace csg {
 namespace {
@@ -84,6 +86,14 @@ Crossings crossings(const Leaf& leaf, const double* size, const Line<Real>& line
     case Kind::Cone:
       return cone::crossings(size, line);
     case Kind::Torus:
+      switch (leaf.torus) {
+        case TorusSolver::Ferrari:
+          return torus_ferrari::crossings(size, line);
+        case TorusSolver::Algorithm1010:
+          return torus_1010::crossings(size, line);
+        case TorusSolver::Robust:
+          break;
+      }
       return torus::crossings(size, line);
   }
   return {};

@@ -27,7 +27,10 @@ def shadow_rays(primary: np.ndarray, hits: "tracers.Hits", lights: list) -> np.n
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("name", SCENES)
 def test_scene(
-    name: str, precision: str, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+    name: str,
+    precision: str,
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     size = 32 if request.config.getoption("--rays") < 1_000_000 else 256
     cache: Path = tmp_path_factory.getbasetemp()

@@ -1,4 +1,4 @@
-"""No absolute epsilon: a literal that looks like one stands in error_unit.hpp, or here with a reason."""
+"""No absolute epsilon: what looks like one stands in error_unit.hpp, or here with a reason."""
 
 import re
 from pathlib import Path
