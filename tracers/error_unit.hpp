@@ -49,12 +49,25 @@ struct Numerics {
   bool operator==(const Numerics&) const = default;
 };
 
+/// What a precision can tell apart, by its unit roundoff: 4·bb_max + the kernel's error ≤ P.
+struct Limits {
+  /// A band is widened by 1/cos θ where the surface is grazed, and no further than by this cosine:
+  /// beyond it, surfaces that are the same but for rounding are told apart.
+  double min_cosine;
+  int pad_exponent;          ///< P = 2^this·size
+  double condition_covered;  ///< of a transform: P covers E times this much
+
+  static constexpr Limits of(Precision precision) {
+    return precision == Precision::Float64 ? Limits{0x1p-20, -20, 0x1p12} : Limits{0x1p-5, -12, 0x1p8};
+  }
+};
+
 /// What follows from the numerics for a model of a size (its extent and distance from 0).
 class Tolerances {
  public:
   Tolerances() = default;
   Tolerances(const Numerics& numerics, double size)
-      : numerics_(numerics), limits_(numerics.precision == Precision::Float32 ? kSingle : kDouble), size_(size) {
+      : numerics_(numerics), limits_(Limits::of(numerics.precision)), size_(size) {
     if (numerics.precision == Precision::Float32) coarse_ = kUnitRoundoff<float> * size;
   }
 
@@ -83,15 +96,8 @@ class Tolerances {
   double farthest_origin() const { return 32 * size_; }
 
  private:
-  struct Limits {
-    double min_cosine;
-    int pad_exponent;
-    double condition_covered;
-  };
-  static constexpr Limits kDouble{0x1p-10, -30, 0x1p12}, kSingle{0x1p-5, -12, 0x1p8};
-
   Numerics numerics_;
-  Limits limits_ = kDouble;
+  Limits limits_ = Limits::of(Precision::Float64);
   double size_ = 0, coarse_ = 0;
 };
 

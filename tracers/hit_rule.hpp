@@ -4,7 +4,7 @@
 //  2. f(t) is the solid's membership after all crossings ≤ t, equal bits together. Only changes of f
 //     matter, never mere crossings: those of pruned leaves must not change the answer.
 //  3. band = 16·E/|d|, E = u·(|o| + size); at a surface met at an angle θ to its normal, bb = band / cos θ, at
-//     most 2¹⁰ bands.
+//     most 2²⁰ bands (2⁵ for float32).
 //  4. skip = t_min + band, s = f(skip). The first change of f at some T > skip sets skip = T + bb. If
 //     f(skip) = s there was no boundary (surfaces that are one but for rounding): go on from skip.
 //     Otherwise T is the hit.
@@ -14,7 +14,7 @@
 //  7. Of the intervals [t0, t1) into which cells cut a ray, one owns T: t0 ≤ T < t1, and t1 is the next
 //     one's t0 to the bit. s and skip travel from cell to cell.
 //  8. A cell looks at crossings a little beyond its interval, by two of the widest bands.
-//  9. Classes of cells and S-bounds hold with a pad P = 2⁻³⁰·size (2⁻¹² for float32), more than four of
+//  9. Classes of cells and S-bounds hold with a pad P = 2⁻²⁰·size (2⁻¹² for float32), more than four of
 //     the widest bands and a kernel's error. Rays from so far that this fails are first moved to the world.
 // 10. Trees are simplified by Full and Empty only; boxes that touch are not empty.
 // 11. A ray that goes on behind a hit carries skip.

@@ -455,6 +455,15 @@ NB_MODULE(tracers, m) {
       "and "
       "a ray (N, 8). The premise of all pruning; the second number must be 0.");
   m.def(
+      "limits",
+      [](const std::string& precision) {
+        const auto limits =
+            csg::Limits::of(precision == "float32" ? csg::Precision::Float32 : csg::Precision::Float64);
+        return std::map<std::string, double>{{"min_cosine", limits.min_cosine},
+                                             {"pad", std::ldexp(1.0, limits.pad_exponent)}};
+      },
+      "precision"_a, "Of the tie band's widening, and P of rule 9 in sizes; see error_unit.hpp.");
+  m.def(
       "crossings",
       [](const CsgTree& tree, const RayRows& rows, const std::map<std::string, csg::ParamValue>& numerics,
          std::size_t leaf) {

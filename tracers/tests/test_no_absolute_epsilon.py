@@ -11,6 +11,8 @@ SMALL = re.compile(r"(?<![\w.])(?:\d+\.?\d*e-\d+|0x[\d.]+p-\d+|0?\.0\d+|\d+\.?\d
 # (file, literal): why it is none.
 EXPLAINED = {
     ("structures/embree.hpp", "0x1p-19"): "of the world's size: Embree computes in float",
+    ("primitives/torus.hpp", "0x1p-16"): "of Newton's step: when the next one is exact to rounding",
+    ("primitives/torus.hpp", "0.0133598"): "a coefficient of a polynomial that fits a cosine",
 }
 
 

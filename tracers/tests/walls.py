@@ -24,12 +24,13 @@ from families import (
 import tracers
 
 U = 2.0**-53
+LIMITS = tracers.limits("float64")
 
 
 def offsets(size: float) -> np.ndarray:
     """Distances from a wall at which something changes: ulps, bands, the widest bands, the pad."""
-    pad, band = np.ldexp(size, -30), 16 * U * 2 * size
-    widest = 1024 * band  # 1 / kMinCosine
+    pad, band = LIMITS["pad"] * size, 16 * U * 2 * size
+    widest = band / LIMITS["min_cosine"]
     by = [pad / 2, pad, band, widest, 2 * widest, pad - widest, pad - 2 * widest, size * U]
     return np.array([0, 0, 0, 0, *by, *(-b for b in by)])
 
@@ -42,7 +43,7 @@ def walls(tree: "tracers.CsgTree", rng: np.random.Generator, count: int) -> np.n
     """(count, 3) corners of the octree's cells, of levels 0 to 4: its root is the cube around the
     padded world. The grid's walls are the same where the world is a cube."""
     lo, hi = finite_bounds(tree)
-    side = (hi - lo).max() / 2 + np.ldexp(tree.size, -30)
+    side = (hi - lo).max() / 2 + LIMITS["pad"] * tree.size
     parts = 2.0 ** rng.integers(0, 5, (count, 3))
     return (lo + hi) / 2 + side * np.floor(rng.uniform(-1, 1 + 1 / parts) * parts) / parts
 
@@ -76,9 +77,10 @@ def tie_past_an_edge(rng: np.random.Generator) -> "tuple[tracers.CsgTree, np.nda
     A small sphere makes the octree divide."""
     solid = Solid()
     size, z = float(np.sqrt(12)), 0.2
-    pad, band = np.ldexp(size, -30), 16 * U * (z + size) / np.sqrt(2)
-    x, y = rng.uniform(-3, 0.5) * 1024 * band, rng.uniform(-3, 3) * 1024 * band - pad
-    lo, hi = -1.0, x + 2048 * band - (y + pad) + rng.uniform(-3, 3) * band
+    pad, band = LIMITS["pad"] * size, 16 * U * (z + size) / np.sqrt(2)
+    widest = band / LIMITS["min_cosine"]
+    x, y = rng.uniform(-3, 0.5) * widest, rng.uniform(-3, 3) * widest - pad
+    lo, hi = -1.0, x + 2 * widest - (y + pad) + rng.uniform(-3, 3) * band
     blocks = []
     while not blocks or lo < hi:
         half, middle = (hi - lo) / 2, (hi + lo) / 2

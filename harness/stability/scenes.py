@@ -1,0 +1,280 @@
+"""What the rows share: solids, rays aimed at them, and the walk through all boundaries of a ray."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+import tracers
+from harness.stability import Finding
+
+LEAF, UNION, INTERSECTION, DIFFERENCE = range(4)
+KINDS = ("sphere", "block", "cylinder", "cone", "torus")
+PRECISIONS = ("float64", "float32")
+UNIT = {"float64": 2.0**-53, "float32": 2.0**-24}
+MIN_COSINE = {"float64": 2.0**-10, "float32": 2.0**-5}  # where rule 3 stops to widen the band
+PAD = {"float64": 2.0**-30, "float32": 2.0**-12}  # P of rule 9, in sizes
+BAND = 16  # tie band, in E
+GUARD = 4  # in E: what is closer than this may be decided either way
+
+Node = tuple  # ("leaf", number) or (operator, left, right)
+
+
+class Solid:
+    """Collects leaves; `tree` makes a CsgTree of nested tuples over them."""
+
+    def __init__(self) -> None:
+        self.kinds: list[str] = []
+        self.sizes: list[list[float]] = []
+        self.matrices: list[np.ndarray] = []
+
+    def leaf(self, kind: str, size, matrix: np.ndarray | None = None) -> Node:
+        self.kinds.append(kind)
+        self.sizes.append([*size, 0.0, 0.0][:3])
+        self.matrices.append(np.eye(3, 4) if matrix is None else matrix)
+        return ("leaf", len(self.kinds) - 1)
+
+    def again(self, node: Node) -> Node:
+        """The same subtree from leaves of its own."""
+        if node[0] == "leaf":
+            i = node[1]
+            return self.leaf(self.kinds[i], self.sizes[i], self.matrices[i])
+        return (node[0], self.again(node[1]), self.again(node[2]))
+
+    def tree(self, root: Node) -> tracers.CsgTree:
+        """Leaves are numbered as the tree meets them."""
+        rows: list[tuple[int, int, int]] = []
+        order: list[int] = []
+
+        def add(node: Node) -> int:
+            if node[0] == "leaf":
+                order.append(node[1])
+                rows.append((LEAF, len(order) - 1, -1))
+            else:
+                left, right = add(node[1]), add(node[2])
+                rows.append((node[0], left, right))
+            return len(rows) - 1
+
+        add(root)
+        return tracers.CsgTree.build(
+            [self.kinds[i] for i in order],
+            np.array([self.sizes[i] for i in order], dtype=np.float64),
+            np.array([self.matrices[i] for i in order], dtype=np.float64),
+            np.array(rows, dtype=np.int32),
+        )
+
+
+def joined(operator: int, parts: list[Node]) -> Node:
+    """The parts under one operator, as a balanced tree."""
+    if len(parts) == 1:
+        return parts[0]
+    half = len(parts) // 2
+    return (operator, joined(operator, parts[:half]), joined(operator, parts[half:]))
+
+
+def placed(offset, linear: np.ndarray | None = None) -> np.ndarray:
+    """(3, 4) affine map."""
+    return np.column_stack([np.eye(3) if linear is None else linear, offset])
+
+
+def rotation(rng: np.random.Generator) -> np.ndarray:
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return q if np.linalg.det(q) > 0 else -q
+
+
+def random_size(rng: np.random.Generator, kind: str, scale: float) -> list[float]:
+    a, b, c = rng.uniform(0.2, 1.0, 3) * scale
+    return [a + b, b] if kind == "torus" else [a, b, c]
+
+
+def random_parts(solid: Solid, rng: np.random.Generator, count: int, scale: float) -> list[Node]:
+    """Primitives of all kinds, turned at random, their centres in [-1, 1]³."""
+    return [
+        solid.leaf(
+            kind, random_size(rng, kind, scale), placed(rng.uniform(-1, 1, 3), rotation(rng))
+        )
+        for kind in rng.choice(KINDS, count)
+    ]
+
+
+def random_tree(solid: Solid, rng: np.random.Generator, parts: list[Node]) -> Node:
+    parts = list(parts)
+    while len(parts) > 1:
+        i = rng.integers(len(parts) - 1)
+        operator = int(rng.choice([UNION, INTERSECTION, DIFFERENCE], p=[0.5, 0.2, 0.3]))
+        parts[i : i + 2] = [(operator, parts[i], parts[i + 1])]
+    return parts[0]
+
+
+def random_solid(rng: np.random.Generator, count: int = 16) -> tracers.CsgTree:
+    solid = Solid()
+    return solid.tree(random_tree(solid, rng, random_parts(solid, rng, count, 0.6)))
+
+
+def lattice(rng: np.random.Generator, count: int = 16, step: float = 0.25) -> tracers.CsgTree:
+    """Blocks and cylinders on a lattice: faces on one another and, if dyadic, near cells' walls."""
+    solid = Solid()
+    parts = [solid.leaf("block", [4 * step] * 3)]
+    for _ in range(count - 1):
+        centre = placed(rng.integers(-4, 5, 3) * step)
+        kind, entries = ("block", 3) if rng.random() < 0.7 else ("cylinder", 2)
+        parts.append(solid.leaf(kind, rng.integers(1, 5, entries) * step, centre))
+    return solid.tree(random_tree(solid, rng, parts))
+
+
+def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 3) unit vectors, uniform."""
+    v = rng.normal(size=(count, 3))
+    return v / np.linalg.norm(v, axis=1)[:, None]
+
+
+def rays_through(points: np.ndarray, along: np.ndarray, back) -> np.ndarray:
+    """(N, 8) rays through points (N, 3), from `back` times `along` (N, 3) before them."""
+    back = np.broadcast_to(back, len(points))
+    origin = points - back[:, None] * along
+    return np.column_stack([origin, along, np.zeros(len(points)), np.full(len(points), np.inf)])
+
+
+def aimed(tree: tracers.CsgTree, rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count, 8) rays at random points of the solid's bounds or along an axis through a leaf's
+    centre, from outside and, one in four, from inside."""
+    lo, hi = tree.bounds if np.isfinite(tree.bounds).all() else np.array([[-1.0] * 3, [1.0] * 3])
+    at = rng.uniform(lo, hi, (count, 3))
+    along = directions(rng, count)
+    axial = rng.random(count) < 0.25
+    along[axial] = np.eye(3)[rng.integers(3, size=axial.sum())] * rng.choice(
+        [-1.0, 1.0], (axial.sum(), 1)
+    )
+    at[axial] = tree.matrices[rng.integers(tree.halfspaces, size=axial.sum()), :, 3]
+    back = tree.size * np.where(rng.random(count) < 0.25, 0, rng.uniform(0.6, 4, count))
+    return rays_through(at, along, back)
+
+
+def error_unit(tree: tracers.CsgTree, rays: np.ndarray, precision: str) -> np.ndarray:
+    """(N,) E of error_unit.hpp, model units: float32 keeps the way to the primitive in double."""
+    single = UNIT["float32"] * tree.size if precision == "float32" else 0
+    return UNIT["float64"] * (np.linalg.norm(rays[:, :3], axis=1) + tree.size) + single
+
+
+@dataclass(frozen=True)
+class Layers:
+    """All boundaries along rays: t (N, K) ascending, +inf behind the last; |cosine| (N, K) between
+    ray and normal there; leaf (N, K), -1 behind the last."""
+
+    t: np.ndarray
+    cosine: np.ndarray
+    leaf: np.ndarray
+
+    @property
+    def count(self) -> np.ndarray:
+        return np.isfinite(self.t).sum(axis=1)
+
+
+def walk(tracer, tree: tracers.CsgTree, rays: np.ndarray, precision: str, most: int = 64) -> Layers:
+    """Traces behind each hit again, by rule 11: from `skip`, one widened band behind it."""
+    n = len(rays)
+    t, cosine = np.full((n, most), np.inf), np.ones((n, most))
+    leaf = np.full((n, most), -1, dtype=np.int32)
+    active, deepest, current = np.arange(n), 0, np.ascontiguousarray(rays)
+    for k in range(most):
+        hits = tracer.trace(current)
+        found = hits.leaf >= 0
+        if not found.any():
+            break
+        active, current, deepest = active[found], current[found], k + 1
+        speed = np.linalg.norm(current[:, 3:6], axis=1)
+        t[active, k], leaf[active, k] = hits.t[found], hits.leaf[found]
+        facing = np.abs((hits.normal[found] * current[:, 3:6]).sum(axis=1)) / speed
+        cosine[active, k] = facing
+        band = BAND * error_unit(tree, current, precision) / speed
+        widened = band / np.maximum(facing, MIN_COSINE[precision])
+        current[:, 6] = hits.t[found] + widened - band
+    return Layers(t[:, :deepest], cosine[:, :deepest], leaf[:, :deepest])
+
+
+def same_bits(a: Layers, b: Layers) -> np.ndarray:
+    """(N,) whether two walks saw the same leaves at the same bits of t."""
+    if a.t.shape != b.t.shape:
+        k = max(a.t.shape[1], b.t.shape[1])
+        a, b = widened(a, k), widened(b, k)
+    return (a.t == b.t).all(axis=1) & (a.leaf == b.leaf).all(axis=1)
+
+
+def widened(layers: Layers, most: int) -> Layers:
+    """With columns of nothing up to `most`."""
+    more = ((0, 0), (0, most - layers.t.shape[1]))
+    return Layers(
+        np.pad(layers.t, more, constant_values=np.inf),
+        np.pad(layers.cosine, more, constant_values=1),
+        np.pad(layers.leaf, more, constant_values=-1),
+    )
+
+
+@dataclass
+class Tally:
+    """A Finding that grows with each chunk of rays."""
+
+    row: str
+    case: str
+    measured: str
+    bar: float | None = None
+    rays: int = 0
+    worst: float | None = None
+    failures: int = 0
+    excused: int = 0
+    red: str = ""
+
+    def add(self, rays: int, failures: int = 0, excused: int = 0, worst: float | None = None):
+        self.rays += rays
+        self.failures += int(failures)
+        self.excused += int(excused)
+        if worst is not None:
+            self.worst = float(max(worst, -np.inf if self.worst is None else self.worst))
+
+    def finding(self) -> Finding:
+        missed = self.failures or (self.bar is not None and self.worst and self.worst > self.bar)
+        red = self.red if missed else ""
+        return Finding(
+            self.row, self.case, self.rays, self.measured, self.worst, self.bar,
+            self.failures, self.excused, red,
+        )  # fmt: skip
+
+
+def check_layers(
+    tally: Tally,
+    found: Layers,
+    truth: np.ndarray,
+    cosine: np.ndarray,
+    unit: np.ndarray,
+    band_cosine,
+) -> np.ndarray:
+    """Adds a walk to the tally, against true boundaries.
+
+    truth: (N, K) t, ascending, +inf behind the last, |dir| = 1; cosine: (N, K) there; unit: (N,)
+    E; band_cosine: where the band is widest. A ray whose number of layers is wrong is excused where
+    two true boundaries, or a boundary and the start, are closer than two widened bands. The surface
+    error counts where the number is right. Returns the rays that failed (N,).
+    """
+    band = BAND * unit[:, None] / np.maximum(cosine, band_cosine)
+    start = np.zeros((len(truth), 1))
+    either = np.maximum(band, np.concatenate([start, band[:, :-1]], axis=1))
+    with np.errstate(invalid="ignore"):  # inf − inf, behind the last
+        gap = np.diff(truth, axis=1, prepend=start)
+    close = (np.isfinite(truth) & (np.abs(gap) < 2 * either)).any(axis=1)
+    count = np.isfinite(truth).sum(axis=1)
+    wrong = found.count != count
+    k = min(found.t.shape[1], truth.shape[1])
+    both = np.isfinite(found.t[:, :k]) & ~(wrong | close)[:, None]
+    error = np.abs(found.t[:, :k] - np.where(both, truth[:, :k], 0)) * cosine[:, :k] / unit[:, None]
+    worst = float(error[both].max()) if both.any() else None
+    failed = wrong & ~close
+    tally.add(len(truth), failed.sum(), (wrong & close).sum(), worst)
+    return failed
+
+
+def chunks(total: int, size: int = 50_000) -> Iterator[int]:
+    """Numbers of at most `size` that add up to the total."""
+    for begin in range(0, total, size):
+        yield min(size, total - begin)
