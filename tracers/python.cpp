@@ -457,8 +457,7 @@ NB_MODULE(tracers, m) {
   m.def(
       "limits",
       [](const std::string& precision) {
-        const auto limits =
-            csg::Limits::of(precision == "float32" ? csg::Precision::Float32 : csg::Precision::Float64);
+        const auto limits = csg::Limits::of(precision == "float32" ? csg::Precision::Float32 : csg::Precision::Float64);
         return std::map<std::string, double>{{"min_cosine", limits.min_cosine},
                                              {"pad", std::ldexp(1.0, limits.pad_exponent)}};
       },
