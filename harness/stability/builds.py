@@ -1,15 +1,15 @@
 """X16: the same answers from any number of threads, and from builds for other instruction sets.
 
-A build is made in build/isa/NAME from a copy of the sources in which only -march differs, and asked
-in a process of its own, since one process loads the extension module once.
+Another build differs in -march alone, and is asked in a process of its own, since one process loads
+the extension module once.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
-import sysconfig
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,10 +17,13 @@ import numpy as np
 
 import tracers
 from harness import ROOT, UserError
+from harness.adversaries.aim import rays_for
+from harness.adversaries.families import random_solid
 from harness.stability import Findings, row
-from harness.stability.scenes import GUARD, PRECISIONS, Tally, aimed, error_unit, random_solid
+from harness.stability.build import build
+from harness.stability.scenes import GUARD, PRECISIONS, Tally, error_unit
 
-BUILT_FOR = "x86-64-v2"  # CMakeLists.txt
+BUILT_FOR = re.search(r"-march=(\S+)", tracers.machine()["flags"])[1]
 OTHERS = ("x86-64-v3", "x86-64-v4")
 SEED = 16
 FROM_FULL = 100_000  # rays from which the other builds are made: each takes a minute
@@ -38,41 +41,6 @@ def runnable() -> list[str]:
     return [isa for isa in OTHERS if f"{isa} (supported" in told]
 
 
-def build(isa: str) -> Path:
-    """The extension module built for an instruction set; again only what has changed."""
-    place = ROOT / "build" / "isa" / isa
-    source, flag = place / "source", f"-march={BUILT_FOR}"
-    for path in ["CMakeLists.txt", *(str(p.relative_to(ROOT)) for p in sources())]:
-        _copy(ROOT / path, source / path, flag, f"-march={isa}")
-    tools = Path(sysconfig.get_path("scripts"))
-    environment = os.environ | {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
-    python = f"-DPython_EXECUTABLE={sys.executable}"
-    for command in (
-        ["cmake", "-G", "Ninja", "-S", source, "-B", place, python],
-        ["cmake", "--build", place],
-    ):
-        ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        if ran.returncode:
-            raise UserError(f"{isa}: {' '.join(map(str, command))} failed:\n{ran.stdout[-2000:]}")
-    return next(place.glob("tracers.*.so"))
-
-
-def sources() -> list[Path]:
-    kinds = (".cpp", ".hpp", ".def")
-    return [p for p in (ROOT / "tracers").rglob("*") if p.suffix in kinds]
-
-
-def _copy(path: Path, to: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    if path.name == "CMakeLists.txt":
-        if old not in text:
-            raise UserError(f"{path.name}: no {old} to replace")
-        text = text.replace(old, new)
-    if not to.is_file() or to.read_text() != text:
-        to.parent.mkdir(parents=True, exist_ok=True)
-        to.write_text(text)
-
-
 def view(tree: tracers.CsgTree, side: int) -> tracers.View:
     eye = tuple(tree.bounds.mean(axis=0) + 1.5 * tree.size * np.array([0.5, -0.7, 0.4]))
     lights = [(3.0, -9.0, 9.0, 0.7, 0.7, 0.7), (-9.0, -2.0, 5.0, 0.3, 0.3, 0.3)]
@@ -86,8 +54,8 @@ def scenes(count: int) -> Iterator[tuple[tracers.CsgTree, np.ndarray]]:
     """Solids and rays that every process makes anew, the same."""
     rng = np.random.default_rng(SEED)
     for _ in range(count):
-        tree = random_solid(rng, 30)
-        yield tree, aimed(tree, rng, RAYS_PER_SOLID)
+        tree = random_solid(rng)
+        yield tree, rays_for(tree, rng, RAYS_PER_SOLID)
 
 
 def answers(count: int) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
@@ -113,12 +81,11 @@ def answers_of(module: Path, count: int) -> dict[str, np.ndarray]:
 
 
 _ASK = """
-import importlib.machinery, importlib.util, sys
+import sys
+from pathlib import Path
+from harness.stability import build
 module, count, out = sys.argv[1:]
-loader = importlib.machinery.ExtensionFileLoader("tracers", module)
-spec = importlib.util.spec_from_loader("tracers", loader)
-sys.modules["tracers"] = importlib.util.module_from_spec(spec)
-loader.exec_module(sys.modules["tracers"])
+build.load(Path(module))
 from harness.stability.builds import save
 save(int(count), out)
 """
@@ -133,7 +100,7 @@ def save(count: int, out: str) -> None:
 
 def _other_build(isa: str, count: int) -> Findings:
     """Identical, or different only inside the guard: counted as excused."""
-    theirs = answers_of(build(isa), count)
+    theirs = answers_of(build(isa, isa=isa), count)
     if f"-march={isa}" not in str(theirs["flags"]):
         raise UserError(f"{isa}: the module was built with {theirs['flags']}")
     units = [{p: error_unit(tree, rays, p) for p in PRECISIONS} for tree, rays in scenes(count)]

@@ -8,20 +8,16 @@ import itertools
 import numpy as np
 
 import tracers
+from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, placed
 from harness.stability import Findings, row
 from harness.stability.scenes import (
     BAND,
-    DIFFERENCE,
     GUARD,
-    INTERSECTION,
     PRECISIONS,
-    UNION,
-    Solid,
     Tally,
     chunks,
     directions,
     error_unit,
-    placed,
     rays_through,
     walk,
 )
@@ -32,12 +28,12 @@ Part = tuple[str, list[float], np.ndarray]
 
 
 def spheres(a: float, b: float) -> tuple[Part, Part]:
-    return ("sphere", [a], placed([0, 0, -a])), ("sphere", [b], placed([0, 0, b]))
+    return ("sphere", [a], placed(0, 0, -a)), ("sphere", [b], placed(0, 0, b))
 
 
 def cylinder_on_plane(r: float) -> tuple[Part, Part]:
-    block = ("block", [2, 2, 0.5], placed([0, 0, -0.5]))
-    return ("cylinder", [r, 1.5], placed([0, 0, r], LYING)), block
+    block = ("block", [2, 2, 0.5], placed(0, 0, -0.5))
+    return ("cylinder", [r, 1.5], placed(0, 0, r, LYING)), block
 
 
 def sphere_in_hole(major: float, minor: float) -> tuple[Part, Part]:
@@ -94,9 +90,9 @@ def contacts(rays: int, rng: np.random.Generator) -> Findings:
         a, b = (solid.leaf(*part) for part in parts)
         trees = {
             "alone": solid.tree(a),
-            "A ∩ B": solid.tree((INTERSECTION, a, b)),
-            "A − B": solid.tree((DIFFERENCE, a, b)),
-            "A ∪ B": solid.tree((UNION, a, b)),
+            "A ∩ B": solid.tree([INTERSECTION, a, b]),
+            "A − B": solid.tree([DIFFERENCE, a, b]),
+            "A ∪ B": solid.tree([UNION, a, b]),
         }
         numerics = {"precision": precision}
         built = {name: tracers.make("naive", tree, numerics) for name, tree in trees.items()}
@@ -110,7 +106,7 @@ def contacts(rays: int, rng: np.random.Generator) -> Findings:
             batch = contact_rays(point, normal, unit, rng, count)
             units = error_unit(whole, batch, precision)
             lens = Solid()
-            common = (INTERSECTION, *(lens.leaf(*grown(p, GUARD * units.max())) for p in parts))
+            common = [INTERSECTION, *(lens.leaf(*grown(p, GUARD * units.max())) for p in parts)]
             near = (
                 tracers.make("naive", lens.tree(common), {"tie_band": "0"}).trace(batch).leaf >= 0
             )

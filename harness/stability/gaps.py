@@ -10,20 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 import tracers
+from harness.adversaries.families import DIFFERENCE, UNION, Solid, placed
 from harness.stability import Findings, row
 from harness.stability.scenes import (
     BAND,
-    DIFFERENCE,
+    EXCUSED_COSINE,
     GUARD,
-    MIN_COSINE,
     PRECISIONS,
-    UNION,
-    Solid,
     Tally,
     chunks,
     directions,
     error_unit,
-    placed,
     rays_through,
     walk,
 )
@@ -57,9 +54,9 @@ def facing_blocks(gap: float, angle: np.ndarray, rng: np.random.Generator):
     """Blocks with faces z = 0 and z = gap; rays that leave the first at an angle (N,), radians.
     Returns the tree, rays (N, 8), and t (N, 2) of both faces in extended precision."""
     solid = Solid()
-    below = solid.leaf("block", [3, 3, 0.5], placed([0, 0, -0.5]))
+    below = solid.leaf("block", [3, 3, 0.5], placed(0, 0, -0.5))
     middle = 0.5 + gap
-    above = solid.leaf("block", [3, 3, 0.5], placed([0, 0, middle]))
+    above = solid.leaf("block", [3, 3, 0.5], placed(0, 0, middle))
     n, turn = len(angle), rng.uniform(0, 2 * np.pi, len(angle))
     sine = np.sin(angle)
     along = np.column_stack([sine * np.cos(turn), sine * np.sin(turn), np.cos(angle)])
@@ -67,14 +64,14 @@ def facing_blocks(gap: float, angle: np.ndarray, rng: np.random.Generator):
     rays = rays_through(at, along, 0.5)
     z, dz = (rays[:, i].astype(np.longdouble) for i in (2, 5))
     face = np.longdouble(middle) - 0.5
-    return solid.tree((UNION, below, above)), rays, np.stack([-z / dz, (face - z) / dz], axis=1)
+    return solid.tree([UNION, below, above]), rays, np.stack([-z / dz, (face - z) / dz], axis=1)
 
 
 def ball_in_shell(gap: float, angle: np.ndarray, rng: np.random.Generator):
     """The same with a ball of radius 1 in a shell from 1 + gap on; rays start in the ball."""
     solid = Solid()
     ball, hollow = solid.leaf("sphere", [1.0]), solid.leaf("sphere", [1 + gap])
-    shell = (DIFFERENCE, solid.leaf("sphere", [2.0]), hollow)
+    shell = [DIFFERENCE, solid.leaf("sphere", [2.0]), hollow]
     normal = directions(rng, len(angle))
     aside = np.cross(normal, directions(rng, len(angle)))
     aside /= np.linalg.norm(aside, axis=1)[:, None]
@@ -87,7 +84,7 @@ def ball_in_shell(gap: float, angle: np.ndarray, rng: np.random.Generator):
     middle = -(o * d).sum(axis=1) / dd
     radii = np.array([1, np.longdouble(1 + gap)])
     return (
-        solid.tree((UNION, ball, shell)),
+        solid.tree([UNION, ball, shell]),
         rays,
         middle[:, None] + np.sqrt((radii**2 - squared[:, None]) / dd[:, None]),
     )
@@ -112,7 +109,7 @@ def _gaps(make, precision: str, rays: int, rng: np.random.Generator) -> Findings
             if found.t.shape[1] == 2:  # the surfaces themselves, within the guard
                 off = np.abs(found.t - truth) * np.cos(angle)[:, None] / unit[:, None]
                 both &= (off < GUARD).all(axis=1)
-            widest = BAND * unit / np.maximum(np.cos(angle), MIN_COSINE[precision])
+            widest = BAND * unit / np.maximum(np.cos(angle), EXCUSED_COSINE[precision])
             at_start = truth[:, 0] < 2 * widest
             if multiple >= SEEN_FROM:
                 seen.add(count, (~both & ~at_start).sum(), (~both & at_start).sum())
@@ -151,7 +148,7 @@ def shell(kind: str, thickness: float) -> tuple[tracers.CsgTree, float]:
     shrink = 1 - thickness / inradius(kind, size)
     inner = [size[0], size[1] * shrink] if kind == "torus" else [s * shrink for s in size]
     solid = Solid()
-    root = (DIFFERENCE, solid.leaf(kind, size), solid.leaf(kind, inner))
+    root = [DIFFERENCE, solid.leaf(kind, size), solid.leaf(kind, inner)]
     return solid.tree(root), area(kind, size) + area(kind, inner)
 
 

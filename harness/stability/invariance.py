@@ -9,26 +9,20 @@ from collections.abc import Iterator
 import numpy as np
 
 import tracers
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import all_rays
+from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, combine
+from harness.adversaries.walls import part
 from harness.stability import Findings, row
 from harness.stability.scenes import (
     BAND,
-    DIFFERENCE,
+    EXCUSED_COSINE,
     GUARD,
-    INTERSECTION,
-    MIN_COSINE,
     PRECISIONS,
-    UNION,
     Layers,
-    Node,
-    Solid,
     Tally,
-    aimed,
     directions,
     error_unit,
-    lattice,
-    random_parts,
-    random_solid,
-    random_tree,
     rays_through,
     walk,
 )
@@ -47,11 +41,10 @@ def settings(scheme) -> list[dict]:
 def solids(
     total: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, tracers.CsgTree, np.ndarray]]:
-    """Numbered trees, random ones and lattices in turn; rays (n, 8) that add up to the total."""
-    for number in range(max(total // RAYS_PER_TREE, 2)):
-        make = (random_solid, lattice)[number % 2]
-        tree = make(rng, int(rng.integers(4, 40)))
-        yield number, tree, aimed(tree, rng, min(total // 2, RAYS_PER_TREE))
+    """Numbered trees, of all families in turn; rays (n, 8) that add up to at least the total."""
+    for number in range(max(total // RAYS_PER_TREE, len(FAMILIES))):
+        tree = list(FAMILIES.values())[number % len(FAMILIES)](rng)
+        yield number, tree, all_rays(tree, rng, min(-(-total // len(FAMILIES)), RAYS_PER_TREE))
 
 
 def scaled(rays: np.ndarray, exponent: int) -> np.ndarray:
@@ -116,27 +109,27 @@ def all_schemes(rays: int, rng: np.random.Generator) -> Findings:
 # ---- X12 ----------------------------------------------------------------------------------------
 
 
-def mirrored(node: Node) -> Node:
+def mirrored(node: list) -> list:
     """Operands of ∪ and ∩ in the other order."""
     if node[0] == "leaf":
         return node
     left, right = mirrored(node[1]), mirrored(node[2])
-    return (node[0], left, right) if node[0] == DIFFERENCE else (node[0], right, left)
+    return [node[0], left, right] if node[0] == DIFFERENCE else [node[0], right, left]
 
 
-def by_complements(node: Node, solid: Solid, world) -> Node:
+def by_complements(node: list, solid: Solid, world) -> list:
     """De Morgan: A ∩ B = W − ((W − A) ∪ (W − B)), and A ∪ B likewise; A − B = A ∩ (W − B)."""
     if node[0] == "leaf":
         return node
     a, b = by_complements(node[1], solid, world), by_complements(node[2], solid, world)
 
-    def complement(part: Node) -> Node:
-        return (DIFFERENCE, solid.leaf(*world), part)
+    def complement(part: list) -> list:
+        return [DIFFERENCE, solid.leaf(*world), part]
 
     if node[0] == DIFFERENCE:
-        return (INTERSECTION, a, complement(b))
+        return [INTERSECTION, a, complement(b)]
     other = UNION if node[0] == INTERSECTION else INTERSECTION
-    return complement((other, complement(a), complement(b)))
+    return complement([other, complement(a), complement(b)])
 
 
 HALF = 8.0  # of a line through the solid: both ends are outside, and as far from it
@@ -146,10 +139,10 @@ WORLD = ("block", [6.0, 6.0, 6.0], np.eye(3, 4))
 def rewritten(rng: np.random.Generator) -> dict[str, tracers.CsgTree]:
     """One random solid within a block, which sets the size of all, written in several ways."""
     solid = Solid()
-    root = random_tree(solid, rng, random_parts(solid, rng, int(rng.integers(3, 12)), 0.6))
+    root = combine(rng, [part(solid, rng, 0.6) for _ in range(rng.integers(3, 12))])
 
-    def within(node: Node) -> tracers.CsgTree:
-        return solid.tree((INTERSECTION, node, solid.leaf(*WORLD)))
+    def within(node: list) -> tracers.CsgTree:
+        return solid.tree([INTERSECTION, node, solid.leaf(*WORLD)])
 
     return {
         "as written": within(root),
@@ -192,7 +185,7 @@ def near_ties(tree: tracers.CsgTree, rays: np.ndarray, unit: np.ndarray, precisi
     t = np.sort(np.concatenate([np.zeros((len(rays), 1)), *found], axis=1), axis=1)
     with np.errstate(invalid="ignore"):  # inf − inf, behind the last
         gap = np.diff(t, axis=1)
-    return (gap < 2 * BAND * (unit / MIN_COSINE[precision])[:, None]).any(axis=1)
+    return (gap < 2 * BAND * (unit / EXCUSED_COSINE[precision])[:, None]).any(axis=1)
 
 
 def compare_spans(tally: Tally, a: Layers, b: Layers, unit: np.ndarray, near: np.ndarray) -> None:

@@ -15,8 +15,8 @@ import tracers
 from harness.stability import Findings, row
 from harness.stability.scenes import (
     BAND,
+    EXCUSED_COSINE,
     GUARD,
-    MIN_COSINE,
     PRECISIONS,
     Tally,
     chunks,
@@ -224,7 +224,7 @@ def _flush(case: str, precision: str, rays: int, rng) -> Findings:
         outer = box_chord(batch, lo - guard, hi + guard)
         # Where the box, smaller by the guard, is missed or left within two of the widest bands, and
         # the box larger by it is not missed, either answer is right.
-        least = 2 * BAND * unit / MIN_COSINE[precision]
+        least = 2 * BAND * unit / EXCUSED_COSINE[precision]
         open_to_doubt = (inner < least) & (outer > 0)
         wrong = found.count != np.where(chord > 0, 2, 0)
         k = min(found.t.shape[1], 2)

@@ -1,4 +1,4 @@
-"""What the rows share: solids, rays aimed at them, and the walk through all boundaries of a ray."""
+"""What the rows share: rays, tallies, and the walk through all boundaries of a ray."""
 
 from __future__ import annotations
 
@@ -10,118 +10,21 @@ import numpy as np
 import tracers
 from harness.stability import Finding
 
-LEAF, UNION, INTERSECTION, DIFFERENCE = range(4)
-KINDS = ("sphere", "block", "cylinder", "cone", "torus")
 PRECISIONS = ("float64", "float32")
 UNIT = {"float64": 2.0**-53, "float32": 2.0**-24}
-MIN_COSINE = {"float64": 2.0**-10, "float32": 2.0**-5}  # where rule 3 stops to widen the band
-PAD = {"float64": 2.0**-30, "float32": 2.0**-12}  # P of rule 9, in sizes
+LIMITS = {precision: tracers.limits(precision) for precision in PRECISIONS}  # of this build
+# What excuses does not follow the build: a band made wider would loosen every bar.
+EXCUSED_COSINE = {"float64": 2.0**-10, "float32": 2.0**-5}
 BAND = 16  # tie band, in E
 GUARD = 4  # in E: what is closer than this may be decided either way
 
-Node = tuple  # ("leaf", number) or (operator, left, right)
 
-
-class Solid:
-    """Collects leaves; `tree` makes a CsgTree of nested tuples over them."""
-
-    def __init__(self) -> None:
-        self.kinds: list[str] = []
-        self.sizes: list[list[float]] = []
-        self.matrices: list[np.ndarray] = []
-
-    def leaf(self, kind: str, size, matrix: np.ndarray | None = None) -> Node:
-        self.kinds.append(kind)
-        self.sizes.append([*size, 0.0, 0.0][:3])
-        self.matrices.append(np.eye(3, 4) if matrix is None else matrix)
-        return ("leaf", len(self.kinds) - 1)
-
-    def again(self, node: Node) -> Node:
-        """The same subtree from leaves of its own."""
-        if node[0] == "leaf":
-            i = node[1]
-            return self.leaf(self.kinds[i], self.sizes[i], self.matrices[i])
-        return (node[0], self.again(node[1]), self.again(node[2]))
-
-    def tree(self, root: Node) -> tracers.CsgTree:
-        """Leaves are numbered as the tree meets them."""
-        rows: list[tuple[int, int, int]] = []
-        order: list[int] = []
-
-        def add(node: Node) -> int:
-            if node[0] == "leaf":
-                order.append(node[1])
-                rows.append((LEAF, len(order) - 1, -1))
-            else:
-                left, right = add(node[1]), add(node[2])
-                rows.append((node[0], left, right))
-            return len(rows) - 1
-
-        add(root)
-        return tracers.CsgTree.build(
-            [self.kinds[i] for i in order],
-            np.array([self.sizes[i] for i in order], dtype=np.float64),
-            np.array([self.matrices[i] for i in order], dtype=np.float64),
-            np.array(rows, dtype=np.int32),
-        )
-
-
-def joined(operator: int, parts: list[Node]) -> Node:
+def joined(operator: int, parts: list) -> list:
     """The parts under one operator, as a balanced tree."""
     if len(parts) == 1:
         return parts[0]
     half = len(parts) // 2
-    return (operator, joined(operator, parts[:half]), joined(operator, parts[half:]))
-
-
-def placed(offset, linear: np.ndarray | None = None) -> np.ndarray:
-    """(3, 4) affine map."""
-    return np.column_stack([np.eye(3) if linear is None else linear, offset])
-
-
-def rotation(rng: np.random.Generator) -> np.ndarray:
-    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    return q if np.linalg.det(q) > 0 else -q
-
-
-def random_size(rng: np.random.Generator, kind: str, scale: float) -> list[float]:
-    a, b, c = rng.uniform(0.2, 1.0, 3) * scale
-    return [a + b, b] if kind == "torus" else [a, b, c]
-
-
-def random_parts(solid: Solid, rng: np.random.Generator, count: int, scale: float) -> list[Node]:
-    """Primitives of all kinds, turned at random, their centres in [-1, 1]³."""
-    return [
-        solid.leaf(
-            kind, random_size(rng, kind, scale), placed(rng.uniform(-1, 1, 3), rotation(rng))
-        )
-        for kind in rng.choice(KINDS, count)
-    ]
-
-
-def random_tree(solid: Solid, rng: np.random.Generator, parts: list[Node]) -> Node:
-    parts = list(parts)
-    while len(parts) > 1:
-        i = rng.integers(len(parts) - 1)
-        operator = int(rng.choice([UNION, INTERSECTION, DIFFERENCE], p=[0.5, 0.2, 0.3]))
-        parts[i : i + 2] = [(operator, parts[i], parts[i + 1])]
-    return parts[0]
-
-
-def random_solid(rng: np.random.Generator, count: int = 16) -> tracers.CsgTree:
-    solid = Solid()
-    return solid.tree(random_tree(solid, rng, random_parts(solid, rng, count, 0.6)))
-
-
-def lattice(rng: np.random.Generator, count: int = 16, step: float = 0.25) -> tracers.CsgTree:
-    """Blocks and cylinders on a lattice: faces on one another and, if dyadic, near cells' walls."""
-    solid = Solid()
-    parts = [solid.leaf("block", [4 * step] * 3)]
-    for _ in range(count - 1):
-        centre = placed(rng.integers(-4, 5, 3) * step)
-        kind, entries = ("block", 3) if rng.random() < 0.7 else ("cylinder", 2)
-        parts.append(solid.leaf(kind, rng.integers(1, 5, entries) * step, centre))
-    return solid.tree(random_tree(solid, rng, parts))
+    return [operator, joined(operator, parts[:half]), joined(operator, parts[half:])]
 
 
 def directions(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -135,21 +38,6 @@ def rays_through(points: np.ndarray, along: np.ndarray, back) -> np.ndarray:
     back = np.broadcast_to(back, len(points))
     origin = points - back[:, None] * along
     return np.column_stack([origin, along, np.zeros(len(points)), np.full(len(points), np.inf)])
-
-
-def aimed(tree: tracers.CsgTree, rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 8) rays at random points of the solid's bounds or along an axis through a leaf's
-    centre, from outside and, one in four, from inside."""
-    lo, hi = tree.bounds if np.isfinite(tree.bounds).all() else np.array([[-1.0] * 3, [1.0] * 3])
-    at = rng.uniform(lo, hi, (count, 3))
-    along = directions(rng, count)
-    axial = rng.random(count) < 0.25
-    along[axial] = np.eye(3)[rng.integers(3, size=axial.sum())] * rng.choice(
-        [-1.0, 1.0], (axial.sum(), 1)
-    )
-    at[axial] = tree.matrices[rng.integers(tree.halfspaces, size=axial.sum()), :, 3]
-    back = tree.size * np.where(rng.random(count) < 0.25, 0, rng.uniform(0.6, 4, count))
-    return rays_through(at, along, back)
 
 
 def error_unit(tree: tracers.CsgTree, rays: np.ndarray, precision: str) -> np.ndarray:
@@ -189,7 +77,7 @@ def walk(tracer, tree: tracers.CsgTree, rays: np.ndarray, precision: str, most: 
         facing = np.abs((hits.normal[found] * current[:, 3:6]).sum(axis=1)) / speed
         cosine[active, k] = facing
         band = BAND * error_unit(tree, current, precision) / speed
-        widened = band / np.maximum(facing, MIN_COSINE[precision])
+        widened = band / np.maximum(facing, LIMITS[precision]["min_cosine"])
         current[:, 6] = hits.t[found] + widened - band
     return Layers(t[:, :deepest], cosine[:, :deepest], leaf[:, :deepest])
 

@@ -12,21 +12,17 @@ from __future__ import annotations
 import numpy as np
 
 import tracers
+from harness.adversaries.families import DIFFERENCE, UNION, Solid, placed, rotation
 from harness.stability import Findings, row
 from harness.stability.gaps import SHELLS, inradius
 from harness.stability.scenes import (
     BAND,
-    DIFFERENCE,
     GUARD,
     PRECISIONS,
-    UNION,
-    Solid,
     Tally,
     directions,
     error_unit,
-    placed,
     rays_through,
-    rotation,
 )
 
 CONDITIONS = (1.0, 1e2, 1e4, 1e6)
@@ -62,7 +58,7 @@ class Body:
     def leaf(self, solid: Solid, grown: float):
         a, b, c = [*SHELLS[self.kind], 0, 0][:3]
         size = [a if self.kind == "torus" else a * grown, b * grown, c * grown]
-        return solid.leaf(self.kind, size, placed(self.centre, self.linear))
+        return solid.leaf(self.kind, size, placed(*self.centre, self.linear))
 
     def alone(self) -> tracers.CsgTree:
         solid = Solid()
@@ -71,8 +67,8 @@ class Body:
     def in_shell(self, gap: float) -> tracers.CsgTree:
         """Hollow from 1 + gap to 1 + 1.5 gap times the size (of a torus: of its minor radius)."""
         solid = Solid()
-        shell = (DIFFERENCE, self.leaf(solid, 1 + 1.5 * gap), self.leaf(solid, 1 + gap))
-        return solid.tree((UNION, self.leaf(solid, 1), shell))
+        shell = [DIFFERENCE, self.leaf(solid, 1 + 1.5 * gap), self.leaf(solid, 1 + gap)]
+        return solid.tree([UNION, self.leaf(solid, 1), shell])
 
     def outward(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) from points of the surface straight away from the centre, or a torus' ring, as
@@ -155,10 +151,10 @@ def seen_from(eye, look_at, side: int, light) -> tracers.View:
 def under_a_roof(scale: float, gap: float) -> tuple[tracers.CsgTree, tuple, tuple, tuple]:
     """A floor, a thin roof a gap above it, an eye between them and a light above: all is dark."""
     solid, extent = Solid(), 3 * scale
-    floor = solid.leaf("block", [extent, extent, scale / 2], placed([0, 0, -scale / 2]))
-    roof = solid.leaf("block", [extent, extent, gap / 4], placed([0, 0, 1.25 * gap]))
+    floor = solid.leaf("block", [extent, extent, scale / 2], placed(0, 0, -scale / 2))
+    roof = solid.leaf("block", [extent, extent, gap / 4], placed(0, 0, 1.25 * gap))
     light = (0.3 * scale, 0.2 * scale, 2 * scale)
-    return solid.tree((UNION, floor, roof)), (0, 0, gap / 2), (1, 0, gap / 2), light
+    return solid.tree([UNION, floor, roof]), (0, 0, gap / 2), (1, 0, gap / 2), light
 
 
 def rendered(precision: str, rng: np.random.Generator, pixels: int) -> Findings:

@@ -6,26 +6,20 @@ from __future__ import annotations
 import numpy as np
 
 import tracers
+from harness.adversaries.families import DIFFERENCE, UNION, Solid, placed
+from harness.adversaries.walls import offsets, part
 from harness.stability import Findings, row
 from harness.stability.scenes import (
-    BAND,
-    DIFFERENCE,
+    EXCUSED_COSINE,
     GUARD,
-    MIN_COSINE,
-    PAD,
+    LIMITS,
     PRECISIONS,
-    UNION,
-    UNIT,
-    Node,
-    Solid,
     Tally,
     check_layers,
     chunks,
     directions,
     error_unit,
     joined,
-    placed,
-    random_parts,
     rays_through,
     same_bits,
     walk,
@@ -37,7 +31,7 @@ DEEPEST, VOXELS = 10, 256
 
 def world(tree: tracers.CsgTree, precision: str) -> np.ndarray:
     """(2, 3) corners of the padded world, to the bit, where leaves are only shifted."""
-    pad = np.ldexp(tree.size, int(np.log2(PAD[precision])))
+    pad = LIMITS[precision]["pad"] * tree.size
     return tree.bounds + np.array([[-pad], [pad]])
 
 
@@ -59,14 +53,6 @@ def grid_walls(tree, precision: str, rng: np.random.Generator, count: int, voxel
     voxel = (hi - lo).max() / voxels
     size = np.clip(np.floor((hi - lo) / voxel + 0.5), 1, voxels)
     return lo + rng.integers(0, size + 1, (count, 3)) * ((hi - lo) / size)
-
-
-def offsets(size: float, precision: str) -> np.ndarray:
-    """Distances from a wall at which something changes: ulps, bands, the widest bands, the pad."""
-    band = BAND * UNIT[precision] * 2 * size
-    widest, pad = band / MIN_COSINE[precision], PAD[precision] * size
-    by = [UNIT["float64"] * size, band, widest, 2 * widest, pad / 2, pad, pad - widest]
-    return np.array([0.0, *by, *(-b for b in by)])
 
 
 def wall_rays(tree, precision: str, rng: np.random.Generator, count: int) -> np.ndarray:
@@ -96,10 +82,10 @@ def plate(rng: np.random.Generator, halfspaces: int, thickness: float) -> tracer
     """A block full of holes and bodies: the world is the block and a pad, to the bit."""
     solid = Solid()
     block = solid.leaf("block", [1, 1, thickness])
-    parts = random_parts(solid, rng, halfspaces - 1, 0.12)
+    parts = [part(solid, rng, 0.12) for _ in range(halfspaces - 1)]
     for matrix in solid.matrices[1:]:
         matrix[2, 3] *= thickness
-    return solid.tree((DIFFERENCE, block, joined(UNION, parts)))
+    return solid.tree([DIFFERENCE, block, joined(UNION, parts)])
 
 
 @row("X5", "octree of depth 10 and grid of 256³: rays in walls", tests=8_000, full=4_000_000)
@@ -129,7 +115,7 @@ def comb(faces: np.ndarray) -> tuple[tracers.CsgTree, np.ndarray]:
     solid, parts, exact = Solid(), [], []
     for lo, hi in faces.reshape(-1, 2):
         half, middle = (hi - lo) / 2, (hi + lo) / 2
-        parts.append(solid.leaf("block", [half, 1, 1], placed([middle, 0, 0])))
+        parts.append(solid.leaf("block", [half, 1, 1], placed(middle, 0, 0)))
         exact += [np.longdouble(middle) - half, np.longdouble(middle) + half]
     return solid.tree(joined(UNION, parts)), np.array(exact)
 
@@ -161,12 +147,11 @@ def plane_layers(rays: np.ndarray, faces: np.ndarray, axis: int = 0):
 
 def board(step: float) -> tuple[tracers.CsgTree, np.ndarray]:
     """Cubes like the black fields of a chessboard, 4³ fields, and the planes between fields."""
-    solid: Solid = Solid()
-    parts: list[Node] = []
+    solid, parts = Solid(), []
     planes = step * np.arange(-2, 3)
     for field in np.argwhere(np.indices((4, 4, 4)).sum(axis=0) % 2 == 0):
         middle = planes[field] + step / 2
-        parts.append(solid.leaf("block", [step / 2] * 3, placed(middle)))
+        parts.append(solid.leaf("block", [step / 2] * 3, placed(*middle)))
     return solid.tree(joined(UNION, parts)), planes
 
 
@@ -231,7 +216,7 @@ def faces_on_walls(rays: int, rng: np.random.Generator) -> Findings:
                     truth, cosine = board_layers(batch, faces)
                 unit = error_unit(tree, batch, precision)
                 found = [walk(tracer, tree, batch, precision) for tracer in built]
-                check_layers(known, found[0], truth, cosine, unit, MIN_COSINE[precision])
+                check_layers(known, found[0], truth, cosine, unit, EXCUSED_COSINE[precision])
                 for other in found[1:]:
                     others.add(count, (~same_bits(found[0], other)).sum())
             yield known.finding()

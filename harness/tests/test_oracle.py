@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import zlib
 from io import StringIO
 from types import SimpleNamespace
@@ -13,7 +12,10 @@ import pytest
 from rich.console import Console
 
 import tracers
-from harness import ROOT, UserError, models
+from harness import UserError, models
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import all_rays, rays_for
+from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, placed
 from harness.openscad import to_csg
 from harness.oracle.check import check
 from harness.oracle.explain import explain
@@ -21,11 +23,6 @@ from harness.oracle.judge import GUARD, U_DOUBLE, Verdict, judge
 from harness.oracle.roots import compare, sign_changes
 from harness.oracle.solid import ExactSolid
 from harness.oracle.tally import Tally, judge_rays
-
-sys.path.insert(0, str(ROOT / "tracers" / "tests"))
-from aim import all_rays, rays_for
-from families import DIFFERENCE, INTERSECTION, UNION, Solid, placed
-from walls import FAMILIES
 
 
 def ray(*values: float) -> np.ndarray:

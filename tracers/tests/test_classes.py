@@ -4,10 +4,10 @@ import zlib
 
 import numpy as np
 import pytest
-from aim import rays_for, targets
-from walls import FAMILIES
 
 import tracers
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import rays_for, targets
 
 
 def cells_for(tree, rng: np.random.Generator, count: int) -> np.ndarray:

@@ -11,12 +11,13 @@ import zlib
 
 import numpy as np
 import pytest
-from aim import all_rays, rays_for
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from walls import FAMILIES, tie_past_an_edge
 
 import tracers
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import all_rays, rays_for
+from harness.adversaries.walls import tie_past_an_edge
 
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
 RAYS_PER_TREE = 1000

@@ -9,12 +9,12 @@ import zlib
 
 import numpy as np
 import pytest
-from aim import all_rays, rays_for
-from families import INTERSECTION, Solid, placed
 from test_conformance import EXACT, assert_same, grid
-from walls import FAMILIES
 
 import tracers
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import all_rays, rays_for
+from harness.adversaries.families import INTERSECTION, Solid, placed
 
 INF, NAN = np.inf, np.nan
 

@@ -10,10 +10,10 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
-from families import KINDS, Solid, placed, random_size, rotation
-from walls import U
 
 import tracers
+from harness.adversaries.families import KINDS, Solid, placed, random_size, rotation
+from harness.adversaries.walls import U
 
 TRANSFORMS = {
     "translated": lambda rng: np.eye(3),

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from aim import rays_for
-from families import DIFFERENCE, FAMILIES, KINDS, UNION, Solid, placed, random_size
 from test_kernels import TRANSFORMS
-from walls import U
 
 import tracers
+from harness.adversaries import FAMILIES
+from harness.adversaries.aim import rays_for
+from harness.adversaries.families import DIFFERENCE, KINDS, UNION, Solid, placed, random_size
+from harness.adversaries.walls import U
 from harness.openscad import to_csg
 from harness.scenes import load_scenes
 

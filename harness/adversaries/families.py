@@ -1,7 +1,6 @@
-"""Families of trees and rays that broke simpler hit rules: the conformance suite's generators.
+"""Families of trees that broke simpler hit rules: the first wave.
 
-Each family is a function of a numpy Generator that returns a `tracers.CsgTree`; `rays_for` aims
-rays at whatever is delicate in a tree.
+Each family is a function of a numpy Generator that returns a `tracers.CsgTree`.
 """
 
 from collections.abc import Callable
@@ -21,7 +20,6 @@ class Solid:
         self.kinds: list[str] = []
         self.sizes: list[list[float]] = []
         self.matrices: list[np.ndarray] = []
-        self.trees: list[list[tuple[int, int]]] = []
 
     def leaf(self, kind: str, size: list[float], matrix: np.ndarray | None = None) -> list:
         self.kinds.append(kind)
@@ -260,7 +258,7 @@ def tori(rng: np.random.Generator) -> "tracers.CsgTree":
     return solid.tree(combine(rng, parts))
 
 
-FAMILIES: dict[str, Family] = {
+FIRST_WAVE: dict[str, Family] = {
     f.__name__: f
     for f in (
         random_solid,

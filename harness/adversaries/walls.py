@@ -1,14 +1,15 @@
 """Trees that broke the tracers even after families.py passed: the second wave.
 
 Most aim at rule 9, where a box is judged a little larger than it is: faces exactly on the walls of
-cells, and one pad P or one tie band off them. `FAMILIES` is all families of both files.
+cells, and one pad P or one tie band off them.
 """
 
 from functools import reduce
 
-import families
 import numpy as np
-from families import (
+
+import tracers
+from harness.adversaries.families import (
     DIFFERENCE,
     INTERSECTION,
     KINDS,
@@ -21,16 +22,15 @@ from families import (
     rotation,
 )
 
-import tracers
-
 U = 2.0**-53
 LIMITS = tracers.limits("float64")
 
 
-def offsets(size: float) -> np.ndarray:
+def offsets(size: float, precision: str = "float64") -> np.ndarray:
     """Distances from a wall at which something changes: ulps, bands, the widest bands, the pad."""
-    pad, band = LIMITS["pad"] * size, 16 * U * 2 * size
-    widest = band / LIMITS["min_cosine"]
+    limits, unit = tracers.limits(precision), {"float64": U, "float32": 2.0**-24}[precision]
+    pad, band = limits["pad"] * size, 16 * unit * 2 * size
+    widest = band / limits["min_cosine"]
     by = [pad / 2, pad, band, widest, 2 * widest, pad - widest, pad - 2 * widest, size * U]
     return np.array([0, 0, 0, 0, *by, *(-b for b in by)])
 
@@ -185,4 +185,4 @@ def rods(rng: np.random.Generator) -> "tracers.CsgTree":
 
 HARD = (faces_on_walls, ties_at_walls, ulp_apart, huge_subtrahend, complements, deep_chains)
 HARD += (thin_shells, far_from_origin, rods)
-FAMILIES: dict[str, Family] = families.FAMILIES | {f.__name__: f for f in HARD}
+SECOND_WAVE: dict[str, Family] = {f.__name__: f for f in HARD}

@@ -1,9 +1,9 @@
 """Rays aimed at whatever is delicate in a tree: its leaves, the walls of cells, its own hits."""
 
 import numpy as np
-from walls import U, finite_bounds, offsets, walls
 
 import tracers
+from harness.adversaries.walls import U, finite_bounds, offsets, walls
 
 
 def targets(tree: "tracers.CsgTree", rng: np.random.Generator, count: int) -> np.ndarray:
