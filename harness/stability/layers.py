@@ -18,6 +18,7 @@ from harness.stability.scenes import (
     EXCUSED_COSINE,
     GUARD,
     PRECISIONS,
+    RED_WHERE_GRAZED,
     Tally,
     chunks,
     directions,
@@ -213,7 +214,7 @@ def _flush(case: str, precision: str, rays: int, rng) -> Findings:
     tenth, one = Fraction(1, 10), Fraction(1)
     lo, hi = extended([tenth] * 3), extended([one, one, top])
     tally = Tally("X7", f"{case}, {precision}", "surface error, E", GUARD)
-    tally.red = "the band at a joint follows the cosine there, not that of a face grazed behind it"
+    tally.red = RED_WHERE_GRAZED[precision]
     for count in chunks(rays):
         batch = surface_rays(tree, precision, rng, count)
         unit = error_unit(tree, batch, precision)

@@ -9,6 +9,8 @@ end of the ray, and 4 E times the condition for the surface: gaps below twice th
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 import tracers
@@ -29,6 +31,18 @@ CONDITIONS = (1.0, 1e2, 1e4, 1e6)
 SCALES = (1e-3, 0.1, 1.0, 30.0, 1e3)
 GAPS = 10.0 ** -np.arange(0, 13, 2)  # of the primitive's size
 START = 16  # bands off the surface: rule 12
+# In the primitive's frame: an eye, and lights that light what faces them; a torus, too, if they are
+# on its axis, for their rays keep to half-planes that it cuts in a circle. GRAZING lights a plane or
+# a wall at about 89° to its normal, where it is easiest to hit the surface that was left.
+EYE = (1.6, -1.1, 1.3)
+FAR = {kind: (0.0, 0.0, 6.0) if kind == "torus" else (3.0, 2.0, 6.0) for kind in SHELLS}
+GRAZING = {
+    "sphere": (1.1, 0.0, 0.3),
+    "block": (4.0, -0.5, 0.52),
+    "cylinder": (0.8, -0.2, 6.0),
+    "cone": (2.3, -0.2, -4.0),
+    "torus": (0.0, 0.0, 0.3),
+}
 
 
 def shadow_starts(tree, rays: np.ndarray, t: np.ndarray, normal: np.ndarray, precision: str):
@@ -59,6 +73,9 @@ class Body:
         a, b, c = [*SHELLS[self.kind], 0, 0][:3]
         size = [a if self.kind == "torus" else a * grown, b * grown, c * grown]
         return solid.leaf(self.kind, size, placed(*self.centre, self.linear))
+
+    def at(self, local) -> np.ndarray:
+        return self.centre + self.linear @ local
 
     def alone(self) -> tracers.CsgTree:
         solid = Solid()
@@ -158,8 +175,8 @@ def under_a_roof(scale: float, gap: float) -> tuple[tracers.CsgTree, tuple, tupl
 
 
 def rendered(precision: str, rng: np.random.Generator, pixels: int) -> Findings:
-    """Pictures of which the light is known: dark under a roof; of a lone convex body, what faces
-    the light is lit. And the rule here against the renderer's: the same pixels are lit."""
+    """Pictures of which the light is known: dark under a roof; of a lone body, what faces the light
+    is lit. And the rule here against the renderer's: the same pixels are lit."""
     side = max(int(np.sqrt(pixels)), 64) // 2 * 2
     dark = Tally("X10", f"render under a roof, {precision}", "pixels lit")
     lone = Tally("X10", f"render of a lone body, {precision}", "pixels lit otherwise")
@@ -172,12 +189,11 @@ def rendered(precision: str, rng: np.random.Generator, pixels: int) -> Findings:
                 continue
             picture = tracers.make("naive", tree, {"precision": precision}).render(view)
             dark.add(side * side, (picture.lit != 0).sum())
-        for kind in SHELLS:
+        for kind, far in itertools.product(SHELLS, (False, True)):
             body = Body(kind, 3.0, scale, rng)
             tree = body.alone()
-            eye = body.centre + scale * np.array([1.0, -1.6, 0.8])
-            light = body.centre + scale * np.array([3.0, 2, 6])
-            view = seen_from(tuple(eye), tuple(body.centre), side, tuple(light))
+            light = body.at(FAR[kind] if far else GRAZING[kind])
+            view = seen_from(tuple(body.at(EYE)), tuple(body.centre), side, tuple(light))
             tracer = tracers.make("naive", tree, {"precision": precision})
             lit, rays = tracer.render(view).lit.ravel(), view.primary_rays()
             hits = tracer.trace(rays)
@@ -186,9 +202,8 @@ def rendered(precision: str, rng: np.random.Generator, pixels: int) -> Findings:
             height = ((light - start) * seen).sum(axis=1)
             blocked = tracer.occluded(segments(start, np.broadcast_to(light, start.shape)))
             rule.add(len(rays), ((height > 0) & (blocked == 0) != lit[hit]).sum())
-            if kind != "torus":  # which shades itself
-                clear = np.abs(height) > guard(tree, rays[hit], precision, body.condition)
-                lone.add(clear.sum(), ((height > 0) != lit[hit])[clear].sum())
+            clear = np.abs(height) > guard(tree, rays[hit], precision, body.condition)
+            lone.add(clear.sum(), ((height > 0) != lit[hit])[clear].sum())
     yield from (tally.finding() for tally in (dark, lone, rule))
 
 
