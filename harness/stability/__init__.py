@@ -51,7 +51,8 @@ class Row:
 
 
 _ROWS: dict[str, Row] = {}
-_MODULES = ("quadrics", "torus", "blocks", "walls", "layers", "shadows", "invariance", "extremes")
+_MODULES = ("quadrics", "torus", "blocks", "walls", "layers", "gaps", "contacts")
+_MODULES += ("shadows", "invariance", "builds", "extremes")
 
 
 def row(name: str, title: str, *, tests: int, full: int) -> Callable:
