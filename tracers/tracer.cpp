@@ -35,6 +35,10 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
     ray.t_min = std::ldexp(ray.t_min, exponent);
     ray.t_max = std::ldexp(ray.t_max, exponent);
   }
+  // Entries that no path can tell from 0, so that nothing hangs on denormals: with or without them
+  // flushed to zero the bits are the same.
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::fabs(ray.dir[axis]) < kParallel) ray.dir[axis] = 0;
   const auto is_far = [&] { return length(ray.origin) > tree.tolerances().farthest_origin(); };
   if (!is_far()) return out;
   // Moving costs what the far origin's band says: the ends give way by as much, so that no hit comes

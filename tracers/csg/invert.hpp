@@ -31,9 +31,10 @@ inline double largest_entry(const Mat3& m) {
 }
 
 /// M⁻¹ by elimination with complete pivoting, column by column: M·M⁻¹ − 1 is of the order of
-/// u·condition, which the pads count on; cofactors lose u·‖M‖³/|det M|.
+/// u·condition, which the pads count on; cofactors lose u·‖M‖³/|det M|. In long double, so that of a map of
+/// condition near 1 the inverse is the nearest there is.
 inline Mat3 eliminated(const Mat3& m) {
-  double a[3][6];  // M | 1
+  long double a[3][6];  // M | 1
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) a[r][c] = m.col[c][r], a[r][c + 3] = r == c;
   int unknown[3] = {0, 1, 2};  // which one stands in a column
@@ -46,17 +47,20 @@ inline Mat3 eliminated(const Mat3& m) {
     for (int r = 0; r < 3; ++r) std::swap(a[r][k], a[r][column]);
     std::swap(unknown[k], unknown[column]);
     for (int r = k + 1; r < 3; ++r) {
-      const double factor = a[r][k] / a[k][k];
+      const long double factor = a[r][k] / a[k][k];
       for (int c = k; c < 6; ++c) a[r][c] -= factor * a[k][c];
     }
   }
   Mat3 inverse;
-  for (int c = 0; c < 3; ++c)
+  for (int c = 0; c < 3; ++c) {
+    long double column[3];
     for (int r = 2; r >= 0; --r) {
-      double x = a[r][c + 3];
-      for (int i = r + 1; i < 3; ++i) x -= a[r][i] * inverse.col[c][unknown[i]];
-      inverse.col[c][unknown[r]] = x / a[r][r];
+      column[r] = a[r][c + 3];
+      for (int i = r + 1; i < 3; ++i) column[r] -= a[r][i] * column[i];
+      column[r] /= a[r][r];
+      inverse.col[c][unknown[r]] = static_cast<double>(column[r]);
     }
+  }
   return inverse;
 }
 

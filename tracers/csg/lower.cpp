@@ -22,6 +22,7 @@
 #include "nary.hpp"
 #include "parser.hpp"
 #include "tally.hpp"
+#include "wide_affine.hpp"
 
 namespace csg {
 namespace {
@@ -35,7 +36,7 @@ class Lowering {
  private:
   /// What the multmatrix and color nodes around a leaf do to it.
   struct Placement {
-    Affine world_from_local;
+    WideAffine world_from_local;
     bool has_color = false;
     float color[3] = {0, 0, 0};
   };
@@ -197,7 +198,8 @@ void Lowering::add_leaf(const LeafReading& reading) {
   if (!empty) {
     const Placement& placement = placements_.back();
     Leaf leaf = reading.leaf;
-    leaf.world_from_local = {placement.world_from_local.linear, placement.world_from_local * reading.center};
+    const WideAffine to_center(Affine{{}, reading.center});
+    leaf.world_from_local = (placement.world_from_local * to_center).rounded();
     leaf.has_color = placement.has_color;
     std::ranges::copy(placement.color, leaf.color);
     const auto index = static_cast<std::uint32_t>(leaves_.size());
@@ -210,10 +212,10 @@ void Lowering::add_leaf(const LeafReading& reading) {
 void Lowering::push_transform(const SyntaxNode& node) {
   const Affine local = Arguments(source_, tree_, node, {""}).matrix();
   Placement placement = placements_.back();
-  placement.world_from_local = placement.world_from_local * local;
-  const Vec3 offset = placement.world_from_local.offset;
+  placement.world_from_local = placement.world_from_local * WideAffine(local);
+  const auto [linear, offset] = placement.world_from_local.rounded();
   const bool finite = std::isfinite(offset.x) && std::isfinite(offset.y) && std::isfinite(offset.z);
-  if (!finite || !invert(placement.world_from_local.linear).usable()) {
+  if (!finite || !invert(linear).usable()) {
     source_.fail(node.offset, invert(local.linear).usable() ? "multmatrix: singular or not finite with those around it"
                                                             : "multmatrix: a singular matrix");
   }

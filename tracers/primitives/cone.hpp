@@ -5,49 +5,82 @@
 
 namespace csg::cone {
 
-/// The double cone x² + y² − w² ≤ 0, from which the slab |z| ≤ h, where w ≥ 0, takes one nappe.
-/// Lagrange's identity in the metric (+, +, −) gives the discriminant without the cancellation of
-/// b² − ac.
+/// The wall along a line: ρ − w is convex, and negative inside, where |z| ≤ h.
+template <class Real>
+struct Wall {
+  Line<Real> line;
+  Real w, dw;
+
+  Real radius(Real s) const { return w + s * dw; }
+  Real squared(Real s) const {
+    const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy;
+    return x * x + y * y;
+  }
+  bool encloses(Real s) const { return squared(s) < radius(s) * radius(s); }
+
+  /// The root between a point outside and one inside, from a guess: Newton, which on a convex function
+  /// does not overshoot from outside, and bisection where it leaves the bracket.
+  Real root(Real outside, Real inside, Real guess, Real rounding) const {
+    const auto within = [&](Real s) { return std::min(outside, inside) < s && s < std::max(outside, inside); };
+    Real s = within(guess) ? guess : outside;
+    for (int step = 0; step < 128; ++step) {
+      const Real x = line.ox + s * line.dx, y = line.oy + s * line.dy;
+      const Real rho = std::sqrt(x * x + y * y), g = rho - radius(s);
+      (g > 0 ? outside : inside) = s;
+      const Real next = s - g * rho / (x * line.dx + y * line.dy - dw * rho);
+      const bool stays = within(next);
+      if (std::fabs(g) <= rounding) return stays && g > 0 ? next : s;
+      const Real middle = outside + (inside - outside) / 2;
+      if (!stays && !within(middle)) return s;
+      s = stays ? next : middle;
+    }
+    return s;
+  }
+};
+
+/// The quadratic x² + y² − w² only guesses the roots: its gradient vanishes at the apex, and along a
+/// generator its leading coefficient is all rounding. What decides is where ρ − w is negative; the
+/// place where it is least is asked if the middle of the guess is not inside.
 template <class Real>
 Crossings crossings(const double* size, Line<Real> line) {
   const Real r0 = static_cast<Real>(size[0]), r1 = static_cast<Real>(size[1]), h = static_cast<Real>(size[2]);
-  const Real slope = (r1 - r0) / (2 * h);
-  Chord<Real> chord;
+  const Real slope = (r1 - r0) / (2 * h), extent = std::max({r0, r1, h});
   const Real shift = recentre(line);
+  const Real flat2 = line.dx * line.dx + line.dy * line.dy;
+  const Real half = 2 * extent / std::sqrt(flat2 + line.dz * line.dz);  // of a ball well around the cone
+  Chord<Real> chord;
+  chord.clip(-half, half, 0, 0);
   chord.clip_slab(line.oz, line.dz, h, 1);
-  const Real w = (r0 + r1) / 2 + slope * line.oz, dw = slope * line.dz;
+  const Real enter = chord.enter, leave = chord.leave;
+  if (!(enter < leave)) return {};
 
-  const Real a = line.dx * line.dx + line.dy * line.dy - dw * dw;
-  const Real b = line.ox * line.dx + line.oy * line.dy - w * dw;
-  const Real rho = std::sqrt(line.ox * line.ox + line.oy * line.oy);
-  const Real c = (rho - w) * (rho + w);
-  const Real mx = line.ox * dw - w * line.dx, my = line.oy * dw - w * line.dy;
-  const Real m = std::sqrt(mx * mx + my * my), n = std::fabs(line.ox * line.dy - line.oy * line.dx);
-  // Where −ac adds to b² nothing cancels, and along a generator only this form is consistent with a.
-  const Real discriminant = (a < 0) != (c < 0) ? b * b - a * c : (m - n) * (m + n);
+  const Wall<Real> wall{line, (r0 + r1) / 2 + slope * line.oz, slope * line.dz};
+  const Real w = wall.w, dw = wall.dw;
+  // At a cap the radius is known: computed, it would have z's rounding times the slope.
+  const auto encloses_end = [&](Real s, std::uint8_t face) {
+    const Real radius = face == 0 ? wall.radius(s) : face == 1 ? r0 : r1;
+    return wall.squared(s) < radius * radius;
+  };
+  const bool starts_inside = encloses_end(enter, chord.enter_face), ends_inside = encloses_end(leave, chord.leave_face);
+  if (starts_inside && ends_inside) return chord.crossings(shift);
 
-  constexpr Real kEnd = std::numeric_limits<Real>::infinity();
-  if (a > 0) {  // shallower than the cone: one chord
-    if (!(discriminant > 0)) return {};
-    const Real q = -(b + std::copysign(std::sqrt(discriminant), b));
-    const Real s = q / a, t = q == 0 ? 0 : c / q;
-    chord.clip(std::min(s, t), std::max(s, t), 0, 0);
-  } else if (a < 0) {  // steeper: inside, outside between the roots, inside on the other nappe
-    const Real q = -(b + std::copysign(std::sqrt(std::max<Real>(discriminant, 0)), b));
-    const Real s = q / a, t = q == 0 ? 0 : c / q;
-    if (dw > 0)
-      chord.clip(std::max(s, t), kEnd, 0, 0);
-    else
-      chord.clip(-kEnd, std::min(s, t), 0, 0);
-  } else if (b != 0) {  // along a generator: one root
-    const Real s = -c / (2 * b);
-    if (b < 0)
-      chord.clip(s, kEnd, 0, 0);
-    else
-      chord.clip(-kEnd, s, 0, 0);
-  } else if (!(c < 0)) {
-    return {};
+  const Real along = line.ox * line.dx + line.oy * line.dy;
+  const Real a = flat2 - dw * dw, b = along - w * dw, c = line.ox * line.ox + line.oy * line.oy - w * w;
+  const Real q = -(b + std::copysign(std::sqrt(std::max<Real>(b * b - a * c, 0)), b));
+  const Real s = q / a, t = c / q;
+  const Real first = a > 0 ? std::min(s, t) : std::max(s, t), second = a > 0 ? std::max(s, t) : std::min(s, t);
+  Real deepest = starts_inside ? enter : ends_inside ? leave : first + (second - first) / 2;
+  if (!starts_inside && !ends_inside && !(enter < deepest && deepest < leave && wall.encloses(deepest))) {
+    const Real flat = std::sqrt(flat2), least = (flat - std::fabs(dw)) * (flat + std::fabs(dw));
+    if (!(least > 0)) return {};  // steeper than the wall: least at an end
+    const Real nearest = std::fabs(line.ox * line.dy - line.oy * line.dx) / flat;
+    deepest = -along / flat2 + dw * nearest / (flat * std::sqrt(least));
+    if (!(enter < deepest && deepest < leave && wall.encloses(deepest))) return {};
   }
+
+  const Real rounding = std::numeric_limits<Real>::epsilon() * extent;
+  if (!starts_inside) chord.clip(wall.root(enter, deepest, first, rounding), leave, 0, chord.leave_face);
+  if (!ends_inside) chord.clip(enter, wall.root(leave, deepest, second, rounding), chord.enter_face, 0);
   return chord.crossings(shift);
 }
 

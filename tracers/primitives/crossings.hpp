@@ -34,17 +34,14 @@ struct Line {
 };
 
 /// Moves the line's origin to its point nearest the local origin and returns the parameter of that
-/// point. Twice, since the first step leaves a rounding error of the size of the old origin.
+/// point. One step leaves a rounding error of the size of the old origin: lines come from
+/// primitive.cpp, which has made a first one in the world.
 template <class Real>
 Real recentre(Line<Real>& line) {
   const Real dd = line.dx * line.dx + line.dy * line.dy + line.dz * line.dz;
-  Real moved = 0;
-  for (int step = 0; step < 2; ++step) {
-    const Real by = -(line.ox * line.dx + line.oy * line.dy + line.oz * line.dz) / dd;
-    line.advance(by);
-    moved += by;
-  }
-  return moved;
+  const Real by = -(line.ox * line.dx + line.oy * line.dy + line.oz * line.dz) / dd;
+  line.advance(by);
+  return by;
 }
 
 /// A convex primitive's chord, built by intersecting pieces of surface.

@@ -15,11 +15,8 @@ Crossings crossings(const double* size, const Line<Real>& line) {
   if (dd <= kParallel * kParallel * line.dz * line.dz) {
     if (!(line.ox * line.ox + line.oy * line.oy < r * r)) return {};
   } else {
-    Real x = line.ox, y = line.oy, shift = 0;
-    for (int step = 0; step < 2; ++step) {
-      const Real by = -(x * line.dx + y * line.dy) / dd;
-      x += by * line.dx, y += by * line.dy, shift += by;
-    }
+    const Real shift = -(line.ox * line.dx + line.oy * line.dy) / dd;
+    const Real x = line.ox + shift * line.dx, y = line.oy + shift * line.dy;
     const Real distance = std::sqrt(x * x + y * y);
     if (!(distance < r)) return {};
     const Real half = std::sqrt((r - distance) * (r + distance) / dd);

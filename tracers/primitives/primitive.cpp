@@ -65,13 +65,23 @@ bool surely_overlaps(const Leaf& leaf, const Box& box) {
   return leaf.kind != Kind::Torus && contains(leaf, to_local(leaf, nearest));
 }
 
-/// Whether the line certainly passes outside the ball around the leaf: most lines do, and this is
-/// several times cheaper than any kernel. All in squares, times |d|², without a division.
-bool passes_by(const Leaf& leaf, const Ray& ray) {
-  const Vec3 to_centre = leaf.world_from_local.offset - ray.origin;
-  const double dd = dot(ray.dir, ray.dir), along = dot(to_centre, ray.dir), far = dot(to_centre, to_centre);
-  return far * dd - along * along > (leaf.reach * leaf.reach + kBallMargin * (leaf.reach * leaf.reach + far)) * dd;
-}
+/// A ray as a leaf sees it.
+struct Approach {
+  Vec3 to_centre;
+  double dd, along;
+
+  Approach(const Leaf& leaf, const Ray& ray)
+      : to_centre(leaf.world_from_local.offset - ray.origin),
+        dd(dot(ray.dir, ray.dir)),
+        along(dot(to_centre, ray.dir)) {}
+
+  /// Whether the line certainly passes outside the ball around the leaf: most lines do, and this is
+  /// several times cheaper than any kernel. All in squares, times |d|², without a division.
+  bool passes(double reach) const {
+    const double far = dot(to_centre, to_centre);
+    return far * dd - along * along > (reach * reach + kBallMargin * (reach * reach + far)) * dd;
+  }
+};
 
 /// The kernel of a kind.
 template <class Real>
@@ -123,11 +133,19 @@ Crossings single_crossings(const Leaf& leaf, Line<double> line) {
 }  // namespace
 
 Crossings crossings(const Leaf& leaf, const Ray& ray) {
-  if (passes_by(leaf, ray)) return {};
-  const Vec3 o = to_local(leaf, ray.origin);
-  const Vec3 d = leaf.is_translation ? ray.dir : leaf.local_from_world * ray.dir;
+  const Approach approach(leaf, ray);
+  if (approach.passes(leaf.reach)) return {};
+  // From the line's point nearest the centre, so that changing the frame rounds what is small.
+  const double shift = approach.along / approach.dd;
+  const Vec3 nearest = shift * ray.dir - approach.to_centre;
+  const bool moved = leaf.is_translation;
+  const Vec3 o = moved ? nearest : leaf.local_from_world * nearest;
+  const Vec3 d = moved ? ray.dir : leaf.local_from_world * ray.dir;
   const Line<double> line{o.x, o.y, o.z, d.x, d.y, d.z};
-  return leaf.precision == Precision::Float32 ? single_crossings(leaf, line) : crossings(leaf, leaf.size, line);
+  Crossings found =
+      leaf.precision == Precision::Float32 ? single_crossings(leaf, line) : crossings(leaf, leaf.size, line);
+  for (int i = 0; i < found.count; ++i) found.t[i] += shift;
+  return found;
 }
 
 Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {
