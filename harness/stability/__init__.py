@@ -52,7 +52,7 @@ class Row:
 
 _ROWS: dict[str, Row] = {}
 _MODULES = ("quadrics", "torus", "blocks", "walls", "layers", "gaps", "contacts")
-_MODULES += ("shadows", "invariance", "builds", "extremes")
+_MODULES += ("shadows", "invariance", "builds", "truth", "extremes")
 
 
 def row(name: str, title: str, *, tests: int, full: int) -> Callable:

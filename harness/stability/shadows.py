@@ -32,8 +32,8 @@ SCALES = (1e-3, 0.1, 1.0, 30.0, 1e3)
 GAPS = 10.0 ** -np.arange(0, 13, 2)  # of the primitive's size
 START = 16  # bands off the surface: rule 12
 # In the primitive's frame: an eye, and lights that light what faces them; a torus, too, if they are
-# on its axis, for their rays keep to half-planes that it cuts in a circle. GRAZING lights a plane or
-# a wall at about 89° to its normal, where it is easiest to hit the surface that was left.
+# on its axis, for their rays keep to half-planes that it cuts in a circle. GRAZING lights a plane
+# or a wall at about 89° to its normal, where it is easiest to hit the surface that was left.
 EYE = (1.6, -1.1, 1.3)
 FAR = {kind: (0.0, 0.0, 6.0) if kind == "torus" else (3.0, 2.0, 6.0) for kind in SHELLS}
 GRAZING = {
