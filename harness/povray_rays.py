@@ -1,7 +1,7 @@
 """Any rays by POV-Ray, not only a camera's: its scene language has a function `trace`.
 
-Within POV-Ray's own scale, to which models are brought as in povray_scene.py; its tolerances are
-absolute. About 50,000 rays a second.
+Within POV-Ray's own scale, to which models are brought as in povray_scene.py unless one asks for
+theirs; its tolerances are absolute. About 50,000 rays a second.
 """
 
 from __future__ import annotations
@@ -38,10 +38,13 @@ global_settings {{ assumed_gamma 1.0 }}
 """
 
 
-def trace(tree, rays: np.ndarray) -> np.ndarray:
+def trace(tree, rays: np.ndarray, own_scale: bool = False) -> np.ndarray:
     """(N,) float64: the parameter of each ray's first hit, inf where it misses. rays: (N, 8)
-    float64; t_min and t_max are not heeded, and t is POV-Ray's from |dir| = 1 on."""
+    float64; t_min and t_max are not heeded, and t is POV-Ray's from |dir| = 1 on. own_scale: leave
+    the model and its rays as they are, at the mercy of absolute tolerances."""
     frame = Frame(tree)
+    if own_scale:
+        frame.centre, frame.scale = np.zeros(3), 1.0
     speed = np.linalg.norm(rays[:, 3:6], axis=1)
     rows = np.column_stack([frame.scaled(rays[:, :3]), rays[:, 3:6] / speed[:, None]])
     with tempfile.TemporaryDirectory(prefix="povray-") as folder:

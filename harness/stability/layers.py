@@ -193,11 +193,18 @@ def _in_box_frame(rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rays[:, :3] @ frame, rays[:, 3:6] @ frame
 
 
-def box_chord(rays: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
-    """(N,) how long rays are in a box in the frame TURNED; negative for a miss."""
+def box_spans(rays: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) where rays enter a box in the frame TURNED, and where they leave it; for a miss, the
+    first is the later."""
     origin, along = _in_box_frame(rays)
     t = np.sort(np.stack([(lo - origin) / along, (hi - origin) / along]), axis=0)
-    return t[1].min(axis=1) - t[0].max(axis=1)
+    return t[0].max(axis=1), t[1].min(axis=1)
+
+
+def box_chord(rays: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
+    """(N,) how long rays are in the box; negative for a miss."""
+    enter, leave = box_spans(rays, lo, hi)
+    return leave - enter
 
 
 def box_distance(rays: np.ndarray, t: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:

@@ -15,10 +15,12 @@ from rich.progress import Progress
 from harness.plots import save
 from harness.stability import Finding, rows
 from harness.stability.planted import Catch, catch_all
+from harness.stability.povray import Peer, compare
 from harness.stability.run import run_row
 from harness.table import Column, Table, integer, write_forms
 
 PLANTED = "X18"
+POVRAY = "povray"  # beside ours, on the rays of X3, X7 and X11
 NAME = "stability"
 COLOURS = {True: "#009E73", False: "#D55E00"}
 
@@ -27,6 +29,7 @@ COLOURS = {True: "#009E73", False: "#D55E00"}
 class Outcome:
     findings: list[Finding]
     catches: list[Catch]
+    peers: list[Peer]
     seconds: dict[str, float]  # by row
 
     @property
@@ -38,8 +41,8 @@ class Outcome:
 
 def run(console: Console, names: Sequence[str], most: int) -> Outcome:
     """The named rows, or all, each at its full number of rays or `most`."""
-    wanted = list(names) or [*rows(), PLANTED]
-    findings, catches, seconds = [], [], {}
+    wanted = list(names) or [*rows(), POVRAY, PLANTED]
+    findings, catches, peers, seconds = [], [], [], {}
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("", total=len(wanted))
         for name in wanted:
@@ -50,6 +53,10 @@ def run(console: Console, names: Sequence[str], most: int) -> Outcome:
                     f"{PLANTED}: bug {done + 1} of {total}, {bug}", highlight=False
                 ))  # fmt: skip
                 found = f"{sum(bool(c.row) for c in catches)} of {len(catches)} caught"
+            elif name == POVRAY:
+                peers = compare(most)
+                found = f"{sum(p.povray_failures for p in peers)} of its rays failed"
+                found += f", {sum(p.our_failures for p in peers)} of ours"
             else:
                 of_row = run_row(name, most)
                 findings += of_row
@@ -57,7 +64,7 @@ def run(console: Console, names: Sequence[str], most: int) -> Outcome:
             seconds[name] = time.monotonic() - start
             console.print(f"{name}: {found}, {seconds[name]:.0f} s", highlight=False)
             progress.advance(task)
-    return Outcome(findings, catches, seconds)
+    return Outcome(findings, catches, peers, seconds)
 
 
 def verdict(finding: Finding) -> str:
@@ -151,6 +158,37 @@ def planted_table(catches: Iterable[Catch]) -> Table:
     )
 
 
+def peers_table(peers: Iterable[Peer]) -> Table:
+    """POV-Ray's failures beside ours."""
+    values = [
+        [
+            p.row, p.case, p.rays, p.povray_failures, p.our_failures,
+            p.povray_failures / p.rays, p.our_failures / p.rays, p.povray_worst_E, p.our_worst_E,
+        ]
+        for p in peers
+    ]  # fmt: skip
+    rate = "{:.1e}".format
+    columns = [
+        Column("row", "row", align="l"),
+        Column("case", "case", align="l"),
+        Column("rays", "rays", integer),
+        Column("povray_failures", "POV-Ray failed", integer),
+        Column("our_failures", "ours failed", integer),
+        Column("povray_rate", "POV-Ray, a ray", rate),
+        Column("our_rate", "ours, a ray", rate),
+        Column("povray_worst_E", "POV-Ray's worst, E", "{:.3g}".format),
+        Column("our_worst_E", "our worst, E", "{:.3g}".format),
+    ]
+    notes = [
+        "The same rays, first hits. A failure is a hit where there is nothing, a miss where there "
+        "is something, or a hit more than 2²⁴ E off, which is another surface; the worst is that "
+        "of the other hits. Rays within 4 E of where the answer changes are left out. X3 and X7 "
+        "are at the scale that POV-Ray's absolute tolerances are made for, X11 is not."
+    ]
+    title = "POV-Ray on the same rays"
+    return Table(f"{NAME}_povray", title, columns, values, notes, keys=2)
+
+
 def plot(findings: Sequence[Finding]) -> Canvas:
     """The worst of each case relative to its bar, and the bound on each row's rate of failures."""
     rated = [f for f in findings if f.worst is not None and f.bar]
@@ -181,7 +219,9 @@ def plot(findings: Sequence[Finding]) -> Canvas:
 def write(outcome: Outcome, folder: Path) -> Path:
     """Tables, plot and the raw findings, to `folder`/stability."""
     target = folder / NAME
-    tables = [summary_table(outcome), planted_table(outcome.catches)]
+    tables = [
+        summary_table(outcome), planted_table(outcome.catches), peers_table(outcome.peers),
+    ]  # fmt: skip
     tables = [table for table in [*tables, findings_table(outcome.findings)] if table.rows]
     write_forms(tables, target / "tables")
     if outcome.findings:
