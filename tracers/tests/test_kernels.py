@@ -160,3 +160,20 @@ def supports(surface: Surface, at: np.ndarray, normal: np.ndarray) -> bool:
     inverse = np.array(surface.inverse, dtype=float)
     x, y, _ = inverse @ (at - np.array(surface.offset, dtype=float))
     return np.hypot(x, y) > float(surface.size[0]) * (1 + 1e-6)
+
+
+def test_crossings_that_rounding_makes_one_are_none() -> None:
+    """A chord through a block's corner, shorter than an ulp of t: which of the two faces is met
+    decides the tie band, and schemes that met the leaf in another order disagreed."""
+    solid = Solid()
+    tree = solid.tree(solid.leaf("block", [0.5, 0.5000000000000013, 0.5]))
+    corner, along = np.array([-0.5, 0.5, -0.5]), np.array([3.568150466468701, 0, 2.39042904136011])
+    met = 0
+    for slope in np.linspace(1, 2, 400):
+        along[1] = slope
+        ray = np.array([[*(corner - along), *along, 0, np.inf]])
+        count, t, _ = tracers.crossings(tree, ray)
+        assert count[0] in (0, 2)
+        assert count[0] == 0 or t[0, 0] < t[0, 1]
+        met += int(count[0] == 2)
+    assert 0 < met < 400
