@@ -19,6 +19,20 @@ struct Crossings {
     t[count] = at;
     face[count++] = on;
   }
+
+  /// In another parameter, t ↦ shift + step·t. Two that rounding makes one are none: which of their
+  /// faces is met would be anyone's guess.
+  Crossings moved(double shift, double step = 1) const {
+    Crossings out;
+    for (int i = 0; i < count; ++i) {
+      const double at = shift + step * t[i];
+      if (out.count > 0 && out.t[out.count - 1] == at)
+        --out.count;
+      else
+        out.add(at, face[i]);
+    }
+    return out;
+  }
 };
 
 /// A line in a primitive's local frame.

@@ -124,10 +124,7 @@ Crossings single_crossings(const Leaf& leaf, Line<double> line) {
   };
   const Line<float> single{place(line.ox), place(line.oy), place(line.oz),
                            speed(line.dx), speed(line.dy), speed(line.dz)};
-  Crossings found = crossings(leaf, size, single);
-  const double step = leaf.unit * per_speed;
-  for (int i = 0; i < found.count; ++i) found.t[i] = shift + step * found.t[i];
-  return found;
+  return crossings(leaf, size, single).moved(shift, leaf.unit * per_speed);
 }
 
 }  // namespace
@@ -142,10 +139,9 @@ Crossings crossings(const Leaf& leaf, const Ray& ray) {
   const Vec3 o = moved ? nearest : leaf.local_from_world * nearest;
   const Vec3 d = moved ? ray.dir : leaf.local_from_world * ray.dir;
   const Line<double> line{o.x, o.y, o.z, d.x, d.y, d.z};
-  Crossings found =
+  const Crossings found =
       leaf.precision == Precision::Float32 ? single_crossings(leaf, line) : crossings(leaf, leaf.size, line);
-  for (int i = 0; i < found.count; ++i) found.t[i] += shift;
-  return found;
+  return found.moved(shift);
 }
 
 Vec3 leaf_normal(const Leaf& leaf, std::uint8_t face, const Vec3& p) {

@@ -160,3 +160,19 @@ def supports(surface: Surface, at: np.ndarray, normal: np.ndarray) -> bool:
     inverse = np.array(surface.inverse, dtype=float)
     x, y, _ = inverse @ (at - np.array(surface.offset, dtype=float))
     return np.hypot(x, y) > float(surface.size[0]) * (1 + 1e-6)
+
+
+def test_crossings_that_rounding_makes_one_are_none() -> None:
+    """A chord through a block's corner, shorter than an ulp of t: which of the two faces is met
+    decides the tie band, and schemes that met the leaf in another order disagreed."""
+    solid = Solid()
+    tree = solid.tree(solid.leaf("block", [0.5, 0.5000000000000013, 0.5]))
+    along = np.array([3.568150466468701, 1.4581927496578788, 2.39042904136011])
+    origin = np.array([-4.068150466468701, -0.9581927496578776, -2.89042904136011])
+    count, _, _ = tracers.crossings(tree, np.array([[*origin, *along, 0, np.inf]]))
+    assert count[0] == 0
+    solid = Solid()  # a little thicker, it is met
+    tree = solid.tree(solid.leaf("block", [0.5, 0.50000000000002, 0.5]))
+    count, t, _ = tracers.crossings(tree, np.array([[*origin, *along, 0, np.inf]]))
+    assert count[0] == 2
+    assert t[0, 0] < t[0, 1]
