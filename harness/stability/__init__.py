@@ -51,8 +51,10 @@ class Row:
 
 
 _ROWS: dict[str, Row] = {}
-_MODULES = ("quadrics", "torus", "blocks", "walls", "layers", "gaps", "contacts")
-_MODULES += ("shadows", "invariance", "builds", "truth", "extremes")
+_MODULES = (
+    "quadrics", "torus", "blocks", "walls", "layers", "gaps", "contacts",
+    "shadows", "invariance", "builds", "truth", "transforms", "no_rays",
+)  # fmt: skip
 
 
 def row(name: str, title: str, *, tests: int, full: int) -> Callable:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harness.stability import Findings, row
-from harness.stability.exact import Block, Tally, chunks, near_one, powers
+from harness.stability.exact import Block
+from harness.stability.judged import Tally, chunks, near_one, powers
 from harness.stability.quadrics import REACH, Aim
 
 _TREES = 16

@@ -10,7 +10,8 @@ import numpy as np
 import tracers
 from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, placed
 from harness.stability import Findings, row
-from harness.stability.exact import Block, Cylinder, Long, Sphere, Torus, at
+from harness.stability.exact import Block, Cylinder, Long, Sphere, at
+from harness.stability.exact_torus import Torus
 from harness.stability.scenes import (
     BAND,
     GUARD,

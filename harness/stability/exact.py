@@ -7,18 +7,13 @@ tests hold this against rationals. Lines are given in the primitive's frame, o +
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-import tracers
-from harness.stability import Finding
-
 Long = np.longdouble
 UNIT_ROUNDOFF = {"float64": 2.0**-53, "float32": 2.0**-24}
 GUARD = 4  # in E: a flip is excused where less clearance is left
-_CHUNK = 200_000  # rays in memory at a time
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -38,6 +33,23 @@ def nearest(o: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 def at(o: np.ndarray, d: np.ndarray, s: np.ndarray) -> np.ndarray:
     return o + s[:, None] * d
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Lines as the kernels get them, and the same in extended precision."""
+
+    rows: np.ndarray  # (N, 8)
+    o: np.ndarray
+    d: np.ndarray
+    E: np.ndarray  # (N,) model units
+
+    @classmethod
+    def of(cls, origin: np.ndarray, dir: np.ndarray, radius: float, precision: str) -> Rays:
+        rows = np.empty((len(origin), 8))
+        rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7] = origin, dir, 0, np.inf
+        E = UNIT_ROUNDOFF[precision] * (np.linalg.norm(origin, axis=1) + radius)
+        return cls(rows, rows[:, :3].astype(Long), rows[:, 3:6].astype(Long), E)
 
 
 class Convex:
@@ -271,195 +283,3 @@ class Cone(Round):
         r0, r1, h = self._long
         flat = np.hypot(n[:, 0], n[:, 1])
         return np.maximum(r0 * flat - h * n[:, 2], r1 * flat + h * n[:, 2])
-
-
-class Torus:
-    """Around z; g(p) = hypot(ρ − R, z) − r. A line crosses it where g changes sign between the
-    critical points of the quartic, which has the sign of g."""
-
-    kind = "torus"
-
-    def __init__(self, major: float, minor: float):
-        self.size = np.array([major, minor, 0.0])
-        self._major, self._minor = Long(major), Long(minor)
-
-    @property
-    def radius(self):
-        return self.size[0] + self.size[1]
-
-    def depth(self, p):
-        rho = np.hypot(p[:, 0], p[:, 1])
-        return np.hypot(rho - self._major, p[:, 2]) - self._minor
-
-    def normal(self, p):
-        rho = np.hypot(p[:, 0], p[:, 1])
-        s = (rho - self._major) / np.where(rho > 0, rho, 1)
-        n = p * np.stack([s, s, np.ones_like(s)], axis=1)
-        return n / norm(n)[:, None]
-
-    def critical_points(self, o, d):
-        """(N, 3) ascending, in the line's parameter; nan where there are fewer."""
-        shift, speed = nearest(o, d), norm(d)
-        q, e = at(o, d, shift) / self._major, d / speed[:, None]
-        ratio = self._minor / self._major
-        flat = 1 - e[:, 2] * e[:, 2]
-        p3 = dot(q, q) + (1 - ratio) * (1 + ratio) - 2 * flat
-        q3 = -2 * (q[:, 0] * e[:, 0] + q[:, 1] * e[:, 1])
-        roots = _cubic(p3, q3)
-        return shift[:, None] + roots * (self._major / speed)[:, None]
-
-    def flips(self, rays, count, t):
-        """(N,) bool each: where the roots are not one at each change of sign along the critical
-        points; and where those are right, and the middles of the claimed spans and gaps, that lie
-        farther from the surface than the guard."""
-        o, d, guard = rays.o, rays.d, GUARD * rays.E
-
-        def g(s):
-            return np.where(np.isfinite(s), self.depth(at(o, d, np.where(np.isfinite(s), s, 0))), 0)
-
-        wrong, clear = count % 2 != 0, count % 2 == 0
-        expected, last = np.zeros(len(o), int), np.zeros(len(o), bool)
-        for s in self.critical_points(o, d).T:
-            depth, claimed = g(s), (t < s[:, None]).sum(axis=1) % 2 == 1
-            inside = np.where(np.isnan(s), last, depth < 0)
-            expected += inside != last
-            wrong |= ~np.isnan(s) & (claimed != inside)
-            clear &= (claimed == inside) | (np.abs(depth) < guard)
-            last = inside
-        wrong |= count != expected + last
-        for i in range(3):
-            with np.errstate(invalid="ignore"):
-                depth = g((t[:, i] + t[:, i + 1]) / 2)
-            clear &= depth * (-1) ** i < guard
-        return wrong, wrong & clear
-
-
-def _cubic(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(N, 3) real roots of s³ + p·s + q, ascending, nan where there are fewer."""
-    third, half = p / 3, q / 2
-    discriminant = half * half + third**3
-    three = discriminant < 0
-    u = np.cbrt(-half - np.copysign(np.sqrt(np.maximum(discriminant, 0)), half))
-    single = np.where(u == 0, 0, u - third / np.where(u == 0, 1, u))
-    scale = np.sqrt(np.maximum(-third, 0))
-    cosine = np.clip(-half / np.where(scale > 0, scale, 1) ** 3, -1, 1)
-    angle = np.arccos(cosine) / 3
-    turns = 2 * np.arccos(Long(-1)) / 3 * np.array([1, -1, 0], Long)
-    roots = 2 * scale[:, None] * np.cos(angle[:, None] + turns)
-    roots = np.where(three[:, None], roots, np.stack([single, single * np.nan, single * np.nan], 1))
-    for _ in range(2):
-        slope = 3 * roots**2 + p[:, None]
-        value = (roots**2 + p[:, None]) * roots + q[:, None]
-        roots = roots - np.where(slope == 0, 0, value / np.where(slope == 0, 1, slope))
-    return np.sort(roots, axis=1)
-
-
-@dataclass(frozen=True)
-class Rays:
-    """Lines as the kernels get them, and the same in extended precision."""
-
-    rows: np.ndarray  # (N, 8)
-    o: np.ndarray
-    d: np.ndarray
-    E: np.ndarray  # (N,) model units
-
-    @classmethod
-    def of(cls, origin: np.ndarray, dir: np.ndarray, radius: float, precision: str) -> Rays:
-        rows = np.empty((len(origin), 8))
-        rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7] = origin, dir, 0, np.inf
-        E = UNIT_ROUNDOFF[precision] * (np.linalg.norm(origin, axis=1) + radius)
-        return cls(rows, rows[:, :3].astype(Long), rows[:, 3:6].astype(Long), E)
-
-
-def leaf_tree(kind: str, size: np.ndarray, matrix: np.ndarray | None = None) -> tracers.CsgTree:
-    """A model of one primitive."""
-    matrix = np.eye(3, 4) if matrix is None else matrix
-    return tracers.CsgTree.build(
-        [kind], size[None], matrix[None].astype(float), np.array([[0, 0, -1]], np.int32)
-    )
-
-
-class Tally:
-    """What the rays of one case came to."""
-
-    def __init__(self) -> None:
-        self.rays = self.failures = self.excused = 0
-        self.worst = self.worst_of_size = self.seconds = 0.0
-
-    def judge(self, primitive: Convex | Torus, origin, dir, numerics: dict[str, str]) -> None:
-        """Runs the kernel over lines given by float64 (N, 3), in the primitive's frame."""
-        precision = numerics["precision"]
-        rays = Rays.of(origin, dir, primitive.radius, precision)
-        tree = leaf_tree(primitive.kind, primitive.size)
-        count, t, seconds = tracers.crossings(tree, rays.rows, numerics)
-        wrong, excused = primitive.flips(rays, count, t)
-        for i in range(4):
-            there = count > i
-            off = np.abs(
-                primitive.depth(at(rays.o[there], rays.d[there], t[there, i].astype(Long)))
-            ).astype(float)
-            self.worst = max(self.worst, float(np.max(off / rays.E[there], initial=0)))
-            size = UNIT_ROUNDOFF[precision] * primitive.radius
-            self.worst_of_size = max(self.worst_of_size, float(np.max(off / size, initial=0)))
-        self.rays += len(rays.rows)
-        self.seconds += seconds
-        self.failures += int((wrong & ~excused).sum())
-        self.excused += int((wrong & excused).sum())
-
-    def finding(self, row: str, case: str, bar: float, red: str = "") -> Finding:
-        return Finding(
-            row,
-            case,
-            self.rays,
-            "surface error, E",
-            self.worst,
-            bar,
-            self.failures,
-            self.excused,
-            red,
-        )
-
-
-def chunks(n: int, parts: int) -> Iterator[tuple[int, int]]:
-    """(part, rays): n rays over so many parts, none of more rays than fit in memory."""
-    for part in range(parts):
-        left = n * (part + 1) // parts - n * part // parts
-        while left > 0:
-            yield part, min(left, _CHUNK)
-            left -= _CHUNK
-
-
-def powers(rng: np.random.Generator, low: float, high: float, shape) -> np.ndarray:
-    """10^x, x uniform."""
-    return 10.0 ** rng.uniform(low, high, shape)
-
-
-def near_one(rng: np.random.Generator, low: float, high: float, shape) -> np.ndarray:
-    """1 ± 10^x."""
-    return 1 + rng.choice([-1, 1], shape) * powers(rng, low, high, shape)
-
-
-def frames(rng: np.random.Generator, n: int, aligned: float = 0.25) -> np.ndarray:
-    """(n, 3, 3) orthonormal, in rows; a share of them the axes themselves, permuted, so that far
-    origins do not blur the aim."""
-    q, _ = np.linalg.qr(rng.normal(size=(n, 3, 3)))
-    axes = np.eye(3)[rng.permuted(np.tile(np.arange(3), (n, 1)), axis=1)]
-    axes *= rng.choice([-1.0, 1.0], (n, 3, 1))
-    return np.where(rng.random((n, 1, 1)) < aligned, axes, q)
-
-
-def unit(v: np.ndarray) -> np.ndarray:
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
-
-
-def merged(tallies: Iterable[Tally]) -> Tally:
-    """One tally of several."""
-    total = Tally()
-    for tally in tallies:
-        total.rays += tally.rays
-        total.failures += tally.failures
-        total.excused += tally.excused
-        total.seconds += tally.seconds
-        total.worst = max(total.worst, tally.worst)
-        total.worst_of_size = max(total.worst_of_size, tally.worst_of_size)
-    return total

@@ -18,8 +18,10 @@ from harness import povray_rays
 from harness.adversaries.families import random_solid
 from harness.povray_scene import PovrayError
 from harness.stability import torus
-from harness.stability.exact import Long, Rays, Torus, at, leaf_tree, powers, unit
+from harness.stability.exact import Long, Rays, at
+from harness.stability.exact_torus import Torus
 from harness.stability.invariance import EXPONENTS, scaled
+from harness.stability.judged import leaf_tree, powers, unit
 from harness.stability.layers import (
     CHAINS,
     FLUSH,

@@ -7,18 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.stability import Findings, row
-from harness.stability.exact import (
-    Cone,
-    Convex,
-    Cylinder,
-    Sphere,
-    Tally,
-    chunks,
-    frames,
-    near_one,
-    powers,
-    unit,
-)
+from harness.stability.exact import Cone, Convex, Cylinder, Sphere
+from harness.stability.judged import Tally, chunks, frames, near_one, powers, unit
 
 # Of a precision: decimal exponents of the farthest origin in sizes, and of the scale.
 REACH = {"float64": (8, 9), "float32": (6, 3)}

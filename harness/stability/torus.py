@@ -6,7 +6,8 @@ import numpy as np
 
 import tracers
 from harness.stability import Finding, Findings, row
-from harness.stability.exact import Tally, Torus, chunks, frames, leaf_tree, near_one, powers, unit
+from harness.stability.exact_torus import Torus
+from harness.stability.judged import Tally, chunks, frames, leaf_tree, near_one, powers, unit
 from harness.stability.quadrics import REACH, Aim, backed
 
 _TREES = 16  # tori drawn a case

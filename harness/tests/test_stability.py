@@ -11,7 +11,8 @@ import pytest
 
 from harness import stability
 from harness.stability import blocks, quadrics, torus
-from harness.stability.exact import GUARD, Block, Rays, Sphere, Torus
+from harness.stability.exact import GUARD, Block, Rays, Sphere
+from harness.stability.exact_torus import Torus
 
 ROWS = stability.rows()
 
