@@ -8,7 +8,7 @@ import numpy as np
 
 import tracers
 from harness.stability import Finding
-from harness.stability.exact import Convex, Long, Rays, at
+from harness.stability.exact import UNIT_ROUNDOFF, Convex, Long, Rays, at
 from harness.stability.exact_torus import Torus
 
 _CHUNK = 200_000  # rays in memory at a time
