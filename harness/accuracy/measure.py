@@ -17,7 +17,7 @@ import numpy as np
 
 from harness import models
 from harness.images import srgb_from_linear
-from harness.oracle import U_DOUBLE, U_FLOAT, ExactSolid, Tally, judge_rays
+from harness.oracle import ExactSolid, Tally, judge_rays
 from harness.oracle.leaf import Line
 from harness.oracle.surface import SurfacePoint
 from harness.povray import render_reference
@@ -120,10 +120,10 @@ def _errors(
         "normal_p999_deg": _p999(angle),
         "flip": _flip(exact.rgb, ours.rgb),
     }
-    u = U_FLOAT if precision(json.loads(configuration.params)) == "float32" else U_DOUBLE
+    of = precision(json.loads(configuration.params))
     for name, pixels in (("flips", flipped), ("wrong_leaves", wrong)):
         asked = _some(np.flatnonzero(pixels), MOST_JUDGED, rng)
-        tally = _judged(view, ours, asked, u)
+        tally = _judged(view, ours, asked, of)
         share = pixels.sum() / max(len(asked), 1)
         figures[f"unexcused_{name}"] = float(share * len(tally.unexcused))
     return figures, flipped | wrong
@@ -133,12 +133,12 @@ def _some(pixels: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray
     return pixels if len(pixels) <= most else np.sort(rng.choice(pixels, most, replace=False))
 
 
-def _judged(view: View, hits: SimpleNamespace, pixels: np.ndarray, units: float) -> Tally:
-    return judge_rays(view.solid, view.rays[pixels], _at(hits, pixels), units, processes=2)
+def _judged(view: View, hits: SimpleNamespace, pixels: np.ndarray, of: str) -> Tally:
+    return judge_rays(view.solid, view.rays[pixels], _at(hits, pixels), of, processes=2)
 
 
 def _against_oracle(name: str, view: View, pixels: np.ndarray) -> dict[str, float]:
-    tally = _judged(view, view.exact, pixels, U_DOUBLE)
+    tally = _judged(view, view.exact, pixels, "float64")
     return {
         name: len(pixels),
         f"{name}_excused": len(pixels) - tally.verdicts["agree"] - len(tally.unexcused),

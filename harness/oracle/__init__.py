@@ -5,13 +5,11 @@ solid.answer(ray)                                  # Answer: every crossing, the
 judge_rays(solid, rays, tracer.trace(rays))        # Tally: agree, excused, flip, wrong leaf
 """
 
-from harness.oracle.judge import U_DOUBLE, U_FLOAT, Verdict, judge
+from harness.oracle.judge import Verdict, judge
 from harness.oracle.solid import Answer, ExactSolid
 from harness.oracle.tally import Tally, judge_rays
 
 __all__ = [
-    "U_DOUBLE",
-    "U_FLOAT",
     "Answer",
     "ExactSolid",
     "Tally",

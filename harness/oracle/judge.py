@@ -3,7 +3,14 @@
 A hit agrees if it lies on the right boundary, within a guard, and names the right leaf. What does
 not is excused only where the oracle's own crossings say that rounding may decide: two of them, or
 one and an end of the ray, less than 2·bb apart (the hit rule's band), or a surface that the ray
-grazes within the guard. All else is unexcused.
+grazes within the guard:
+
+- edge       the leaf is right, and from the true boundary to the hit the ray is nowhere farther
+             than the guard from that leaf's surface: one face was hit, the next, grazed, is as near;
+- neighbour  another leaf, to whose surface the ray comes within the guard inside the band, as far
+             as rule 6 looks.
+
+All else is unexcused.
 """
 
 from __future__ import annotations
@@ -19,10 +26,13 @@ from harness.oracle.leaf import Line
 from harness.oracle.solid import Answer, Crossing, ExactSolid, is_ray
 from harness.oracle.surface import SurfacePoint
 
-U_DOUBLE, U_FLOAT = 2.0**-53, 2.0**-24
-GUARD = 4.0  # in E; FACTS: a flip is excused only if the certified clearance is under 4 E
-_BAND = 16.0  # kBandInE of tracers/error_unit.hpp
-_MIN_COSINE = 2.0**-10  # kMinCosine
+GUARD = 4.0  # in E: a flip is excused only if the certified clearance is less
+_BAND = 16.0  # in E, at a right angle
+_U = 2.0**-53
+#: Of a precision: what its kernels add to u, relative to the primitive (the way there is in
+#: double), and the cosine up to which bands excuse. Fixed here: the tracers' own limits are theirs.
+_SINGLE = {"float64": 0.0, "float32": 2.0**-24}
+_LEAST_COSINE = {"float64": 2.0**-10, "float32": 2.0**-5}
 
 
 class Verdict(StrEnum):
@@ -44,13 +54,14 @@ class Judgement:
 class Judge:
     """One ray, its answer, and the yardsticks that belong to them."""
 
-    def __init__(self, solid: ExactSolid, answer: Answer, ray: np.ndarray, units: float) -> None:
-        """units: u, the unit roundoff of the tracer's precision."""
-        self.solid, self.answer, self.ray, self.u = solid, answer, ray, units
+    def __init__(self, solid: ExactSolid, answer: Answer, ray: np.ndarray, precision: str) -> None:
+        self.solid, self.answer, self.ray = solid, answer, ray
+        self.single, self.least_cosine = _SINGLE[precision], _LEAST_COSINE[precision]
         self.line = Line(ray)
         self.speed = math.hypot(*ray[3:6])
         size = solid.tree.size
-        self.band = _BAND * units * (math.hypot(*ray[:3]) + size) / self.speed
+        unit = _U * (math.hypot(*ray[:3]) + size) + self.single * size
+        self.band = _BAND * unit / self.speed
 
     def unit(self, leaf: int) -> float:
         """E of the leaf, world units: u·(|o| + size)·condition, o from its centre. The roundings of
@@ -59,7 +70,7 @@ class Judge:
         away = math.hypot(*(self.ray[:3] - centre)) + solid.reach[leaf]
         if solid.is_rounded:
             away += math.hypot(*centre)
-        return self.u * away * solid.condition[leaf]
+        return (_U * away + self.single * solid.reach[leaf]) * solid.condition[leaf]
 
     def point(self, leaf: int, t: float) -> SurfacePoint:
         return SurfacePoint(self.solid.leaf(leaf), self.line, t)
@@ -80,7 +91,7 @@ class Judge:
 
     def wide_band(self, crossing: Crossing) -> float:
         """bb of the hit rule, in t."""
-        return self.band / max(self.cosine(crossing), _MIN_COSINE)
+        return self.band / max(self.cosine(crossing), self.least_cosine)
 
     # --- Judging --------------------------------------------------------------------------------
 
@@ -96,9 +107,10 @@ class Judge:
             if on_boundary:
                 tie = "tie" if leaf in self.answer.leaves else ""
                 reason = tie or self._near_tie(truth.t) or self._grazed_near(truth.t)
+                reason = reason or self._neighbour(truth, leaf)
                 verdict = Verdict.EXCUSED if reason else Verdict.WRONG_LEAF
                 return Judgement(verdict, Verdict.WRONG_LEAF, reason, error)
-        reason = self._excuse_of_flip(truth, t, leaf)
+        reason = self._excuse_of_flip(truth, t, leaf) or self._edge(truth, t, leaf)
         return Judgement(Verdict.EXCUSED if reason else Verdict.FLIP, Verdict.FLIP, reason)
 
     def _compare(self, truth: Crossing, t: float, normal: np.ndarray) -> tuple[float, float, bool]:
@@ -117,7 +129,7 @@ class Judge:
             is_nearest = min(of_leaf, key=lambda c: abs(c.t - t)) is truth
             for piece in change.pieces:
                 error = abs(here.distance(piece)) / unit
-                cosine = max(abs(exact.normal(piece) @ direction) / speed, _MIN_COSINE)
+                cosine = max(abs(exact.normal(piece) @ direction) / speed, self.least_cosine)
                 on_boundary = error <= GUARD and (
                     (is_nearest and abs(t - truth.t) * speed * cosine <= 2 * GUARD * unit)
                     or (
@@ -157,6 +169,16 @@ class Judge:
             return self._near_tie(t) or self._grazed_at(places)
         return self._near_tie(truth.t) or self._grazed_near(truth.t)
 
+    def _edge(self, truth: Crossing | None, t: float, leaf: int) -> str:
+        if truth is None or leaf not in self.answer.decisive:
+            return ""
+        between = np.linspace(truth.t, t, 9)
+        return "edge" if all(abs(self.clearance(leaf, at)) <= GUARD for at in between) else ""
+
+    def _neighbour(self, truth: Crossing, leaf: int) -> str:
+        band = truth.t + np.linspace(0, 1, 65) * self.wide_band(truth)
+        return "neighbour" if any(abs(self.clearance(leaf, at)) <= GUARD for at in band) else ""
+
     def _is_on_surface(self, leaf: int, t: float) -> bool:
         """Within the guard, or in a band with a crossing of it (rule 6 looks as far)."""
         if not 0 <= leaf < len(self.solid.kinds):
@@ -184,7 +206,7 @@ class Judge:
         return ""
 
     def _could_matter(self, crossing: Crossing, t: float) -> bool:
-        return abs(crossing.t - t) <= 8 * self.band / _MIN_COSINE
+        return abs(crossing.t - t) <= 8 * self.band / self.least_cosine
 
     def _grazed_near(self, t: float) -> str:
         """The middles of the intervals between crossings on both sides of a boundary that was
@@ -222,7 +244,10 @@ class Judge:
         """Whether the ray crosses the leaf's surface, and does not graze it, so near that its
         distance there is small."""
         for crossing in self.answer.crossings:
-            if leaf not in crossing.leaves or (cosine := self.cosine(crossing)) <= _MIN_COSINE:
+            if (
+                leaf not in crossing.leaves
+                or (cosine := self.cosine(crossing)) <= self.least_cosine
+            ):
                 continue
             if abs(crossing.t - t) * self.speed * cosine <= 4 * GUARD * self.unit(leaf):
                 return True
@@ -236,15 +261,14 @@ def judge(
     t: float,
     leaf: int,
     normal: np.ndarray,
-    units: float = U_DOUBLE,
+    precision: str = "float64",
 ) -> Judgement:
-    """A tracer's hit (leaf -1 for a miss) against the oracle's answer for the same ray, (8,).
-    units: u of the tracer's precision, U_DOUBLE or U_FLOAT."""
+    """A tracer's hit (leaf -1 for a miss) against the oracle's answer for the same ray, (8,)."""
     if not answer.crossings and leaf < 0:
         return Judgement(Verdict.AGREE, Verdict.AGREE)
     if leaf >= 0 and not (is_ray(ray) and math.isfinite(t)):
         return Judgement(Verdict.FLIP, Verdict.FLIP)
-    return Judge(solid, answer, ray, units).judge(t, leaf, normal)
+    return Judge(solid, answer, ray, precision).judge(t, leaf, normal)
 
 
 def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from multiprocessing import get_context
 import numpy as np
 
 import tracers
-from harness.oracle.judge import U_DOUBLE, Judgement, Verdict, judge
+from harness.oracle.judge import Judgement, Verdict, judge
 from harness.oracle.solid import ExactSolid
 
 
@@ -50,7 +50,7 @@ def judge_rays(
     solid: ExactSolid,
     rays: np.ndarray,
     hits: tracers.Hits,
-    units: float = U_DOUBLE,
+    precision: str = "float64",
     progress: Callable[[int, int], None] | None = None,
     processes: int = 1,
 ) -> Tally:
@@ -60,7 +60,7 @@ def judge_rays(
     step = max(1, len(tasks) // 100)
     tally = Tally(errors=np.full(len(tasks), np.nan), normals_deg=np.full(len(tasks), np.nan))
     unexcused = []
-    for i, (judgement, coplanar) in enumerate(_judgements(solid, tasks, units, processes)):
+    for i, (judgement, coplanar) in enumerate(_judgements(solid, tasks, precision, processes)):
         tally.verdicts[judgement.verdict] += 1
         tally.raw[judgement.raw] += 1
         tally.coplanar += coplanar
@@ -76,19 +76,19 @@ def judge_rays(
 
 
 def _judgements(
-    solid: ExactSolid, tasks: list, units: float, processes: int
+    solid: ExactSolid, tasks: list, precision: str, processes: int
 ) -> Iterator[tuple[Judgement, bool]]:
     if processes == 1:
-        yield from (_judge_one(solid, task, units) for task in tasks)
+        yield from (_judge_one(solid, task, precision) for task in tasks)
         return
-    with get_context("fork").Pool(processes, _share, (solid, units)) as pool:
+    with get_context("fork").Pool(processes, _share, (solid, precision)) as pool:
         yield from pool.imap(_judge_shared, tasks, chunksize=64)
 
 
-def _judge_one(solid: ExactSolid, task: tuple, units: float) -> tuple[Judgement, bool]:
+def _judge_one(solid: ExactSolid, task: tuple, precision: str) -> tuple[Judgement, bool]:
     ray, t, leaf, normal = task
     answer = solid.answer(ray)
-    return judge(solid, answer, ray, t, leaf, normal, units), bool(answer.coplanar)
+    return judge(solid, answer, ray, t, leaf, normal, precision), bool(answer.coplanar)
 
 
 _shared: tuple = ()
@@ -100,8 +100,8 @@ def _share(*shared) -> None:
 
 
 def _judge_shared(task: tuple) -> tuple[Judgement, bool]:
-    solid, units = _shared
-    return _judge_one(solid, task, units)
+    solid, precision = _shared
+    return _judge_one(solid, task, precision)
 
 
 def _quantile(values: np.ndarray, share: float) -> float:

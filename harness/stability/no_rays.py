@@ -83,7 +83,7 @@ def _not_rays(rng: np.random.Generator, n: int) -> np.ndarray:
 
 def _tracer(scheme, tree: tracers.CsgTree, precision: str):
     if not scheme.needs_mesh:
-        return tracers.make(scheme.name, tree, {"precision": precision})
+        return tracers.make(scheme.name, tree, {"precision": precision} if scheme.exact else {})
     corners = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]])  # one triangle across the model
     mesh = (corners, np.array([[0, 1, 2]], np.uint32), np.zeros(1, np.int32))
     return tracers.make(scheme.name, tree, {}, mesh)
@@ -99,7 +99,7 @@ def no_rays(n: int, rng: np.random.Generator) -> Findings:
     ordinary, none = _ordinary(rng, n), _not_rays(rng, n)
     few = ordinary[: n // 10]
     for scheme in tracers.schemes():
-        for precision in list(UNIT_ROUNDOFF)[: 1 if scheme.needs_mesh else 2]:
+        for precision in list(UNIT_ROUNDOFF)[: 2 if scheme.exact else 1]:
             tracer = _tracer(scheme, tree, precision)
             hits = tracer.trace(none)
             wrong = (hits.leaf != -1) | (hits.t != np.inf) | (tracer.occluded(none) != 0)

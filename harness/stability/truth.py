@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -13,11 +12,10 @@ from harness import models
 from harness.adversaries import FAMILIES
 from harness.adversaries.aim import rays_for
 from harness.adversaries.walls import finite_bounds
+from harness.oracle import ExactSolid, Verdict, judge_rays
 from harness.oracle.check import check
-from harness.oracle.judge import U_DOUBLE, U_FLOAT, Judge, Judgement, Verdict
-from harness.oracle.solid import Answer, Crossing, ExactSolid
 from harness.stability import Findings, row
-from harness.stability.scenes import BAND, EXCUSED_COSINE, GUARD, PRECISIONS, Tally
+from harness.stability.scenes import GUARD, PRECISIONS, Tally
 
 CHECKED = 100  # one ray in so many goes both ways
 RAYS_PER_TREE = 150
@@ -27,66 +25,12 @@ SHARE_OF_BALL = 10  # one ray in so many
 PROCESSES = 2
 
 
-class RowJudge(Judge):
-    """The oracle's judge with the tracers' own unit in float32, which keep the way to a primitive
-    in double, and with two more excuses.
-
-    An edge: the hit is on the right leaf, and from the true boundary to the hit the ray is nowhere
-    farther than the guard from that leaf's surface. So it is where one face is hit and the next,
-    grazed, is as near. A neighbour: the leaf is not the right one, but within the band, which is as
-    far as rule 6 looks, the ray comes to that leaf's surface within the guard.
-    """
-
-    def __init__(self, solid: ExactSolid, answer: Answer, ray: np.ndarray, precision: str) -> None:
-        super().__init__(solid, answer, ray, U_DOUBLE)
-        self.single = U_FLOAT if precision == "float32" else 0.0
-        self.least_cosine = EXCUSED_COSINE[precision]
-        self.band += BAND * self.single * solid.tree.size / self.speed
-
-    def unit(self, leaf: int) -> float:
-        own = self.single * self.solid.reach[leaf] * self.solid.condition[leaf]
-        return super().unit(leaf) + own
-
-    def wide_band(self, crossing: Crossing) -> float:
-        return self.band / max(self.cosine(crossing), self.least_cosine)
-
-    def judge(self, t: float, leaf: int, normal: np.ndarray) -> Judgement:
-        judgement, truth = super().judge(t, leaf, normal), self.answer.hit
-        if judgement.verdict is Verdict.FLIP and truth is not None and leaf in self.answer.decisive:
-            between = np.linspace(truth.t, t, 9)
-            if all(abs(self.clearance(leaf, at)) <= GUARD for at in between):
-                return Judgement(Verdict.EXCUSED, Verdict.FLIP, "edge")
-        if judgement.verdict is Verdict.WRONG_LEAF:
-            band = truth.t + np.linspace(0, 1, 65) * self.wide_band(truth)
-            if any(abs(self.clearance(leaf, at)) <= GUARD for at in band):
-                return Judgement(Verdict.EXCUSED, Verdict.WRONG_LEAF, "neighbour", judgement.error)
-        return judgement
-
-
-_shared: tuple = ()
-
-
-def _share(*shared) -> None:
-    global _shared
-    _shared = shared
-
-
-def _judge(task: tuple) -> tuple[Verdict, float]:
-    solid, precision = _shared
-    ray, t, leaf, normal = task
-    judgement = RowJudge(solid, solid.answer(ray), ray, precision).judge(t, leaf, normal)
-    return judgement.verdict, judgement.error
-
-
 def judged(tally: Tally, solid: ExactSolid, rays: np.ndarray, precision: str) -> None:
     """Adds naive's hits on rays (N, 8) to the tally."""
     hits = tracers.make("naive", solid.tree, {"precision": precision}).trace(rays)
-    tasks = list(zip(rays, hits.t.tolist(), hits.leaf.tolist(), hits.normal, strict=True))
-    with get_context("fork").Pool(PROCESSES, _share, (solid, precision)) as pool:
-        for verdict, error in pool.imap_unordered(_judge, tasks, chunksize=32):
-            failed = verdict in (Verdict.FLIP, Verdict.WRONG_LEAF)
-            worst = None if math.isnan(error) else error
-            tally.add(1, failed, verdict is Verdict.EXCUSED, worst)
+    judged = judge_rays(solid, rays, hits, precision, processes=PROCESSES)
+    excused = judged.verdicts[Verdict.EXCUSED]
+    tally.add(judged.rays, len(judged.unexcused), excused, judged.worst_error())
 
 
 def from_outside(tree: tracers.CsgTree, rng: np.random.Generator, count: int) -> np.ndarray:

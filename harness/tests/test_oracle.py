@@ -19,7 +19,7 @@ from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid,
 from harness.openscad import to_csg
 from harness.oracle.check import check
 from harness.oracle.explain import explain
-from harness.oracle.judge import GUARD, U_DOUBLE, Verdict, judge
+from harness.oracle.judge import GUARD, Verdict, judge
 from harness.oracle.roots import compare, sign_changes
 from harness.oracle.solid import ExactSolid
 from harness.oracle.tally import Tally, judge_rays
@@ -303,7 +303,7 @@ def test_a_false_hit_is_a_flip_unless_the_surface_is_grazed() -> None:
         row = ray(-3, 0, height, 1, 0, 0)
         answer = ball.answer(row)
         assert answer.hit is None
-        assert judge(ball, answer, row, 3.0, 0, up, U_DOUBLE).verdict is expected
+        assert judge(ball, answer, row, 3.0, 0, up).verdict is expected
 
 
 def test_bulk_judging_counts_and_reports_progress() -> None:
