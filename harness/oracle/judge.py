@@ -6,7 +6,7 @@ one and an end of the ray, less than 2·bb apart (the hit rule's band), or a sur
 grazes within the guard:
 
 - edge       the leaf is right, and from the true boundary to the hit the ray is nowhere farther
-             than the guard from that leaf's surface: one face was hit, the next, grazed, is as near;
+             than the guard from that leaf: one face was hit, the next, grazed, is as near;
 - neighbour  another leaf, to whose surface the ray comes within the guard inside the band, as far
              as rule 6 looks.
 
