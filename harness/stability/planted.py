@@ -31,7 +31,8 @@ class Bug:
 
 @dataclass(frozen=True)
 class Catch:
-    bug: Bug
+    name: str  # of the bug
+    file: str
     row: str  # "" if none of them noticed
     how: str
 
@@ -55,8 +56,8 @@ def catch(bug: Bug) -> Catch:
     module = build("planted", [bug.edit], optimization="-O1")
     for row in bug.rows:
         if how := _notices(module, row):
-            return Catch(bug, row, how)
-    return Catch(bug, "", "no row noticed")
+            return Catch(bug.name, bug.edit.file, row, how)
+    return Catch(bug.name, bug.edit.file, "", "no row noticed")
 
 
 def _notices(module: Path, row: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ from matplotlib.figure import Figure as Canvas
 from rich.console import Console
 from rich.progress import Progress
 
+from harness import UserError
+from harness.atomic import replacing
+from harness.machine import code_version
 from harness.plots import save
 from harness.stability import Finding, rows
 from harness.stability.planted import Catch, catch_all
@@ -27,44 +31,75 @@ COLOURS = {True: "#009E73", False: "#D55E00"}
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
+    """What has been run of the present code."""
+
     findings: list[Finding]
     catches: list[Catch]
     peers: list[Peer]
-    seconds: dict[str, float]  # by row
 
     @property
     def red(self) -> list[str]:
         """A line for everything that is not met."""
         lines = [f"{f.row} {f.case}: {verdict(f)}" for f in self.findings if not f.met]
-        return lines + [f"{PLANTED} {c.bug.name}: {c.how}" for c in self.catches if not c.row]
+        return lines + [f"{PLANTED} {c.name}: {c.how}" for c in self.catches if not c.row]
 
 
-def run(console: Console, names: Sequence[str], most: int) -> Outcome:
-    """The named rows, or all, each at its full number of rays or `most`."""
-    wanted = list(names) or [*rows(), POVRAY, PLANTED]
-    findings, catches, peers, seconds = [], [], [], {}
+def run(console: Console, names: Sequence[str], most: int, folder: Path) -> None:
+    """The named rows, or all that have no result of this code with as many rays. Each is kept in
+    `folder`/stability/rows when it is done."""
+    kept = folder / NAME / "rows"
+    every = [*rows(), POVRAY, PLANTED]
+    for name in set(names) - set(every):
+        raise UserError(f"no row '{name}'; known: {', '.join(every)}")
+    wanted = [name for name in every if name in names or not (names or _is_kept(kept, name, most))]
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("", total=len(wanted))
         for name in wanted:
             progress.update(task, description=name)
             start = time.monotonic()
             if name == PLANTED:
-                catches = catch_all(lambda done, total, bug: console.print(
+                found: Sequence = catch_all(lambda done, total, bug: console.print(
                     f"{PLANTED}: bug {done + 1} of {total}, {bug}", highlight=False
                 ))  # fmt: skip
-                found = f"{sum(bool(c.row) for c in catches)} of {len(catches)} caught"
+                said = f"{sum(bool(c.row) for c in found)} of {len(found)} caught"
             elif name == POVRAY:
-                peers = compare(most)
-                found = f"{sum(p.povray_failures for p in peers)} of its rays failed"
-                found += f", {sum(p.our_failures for p in peers)} of ours"
+                found = compare(most)
+                said = f"{sum(p.povray_failures for p in found)} of its rays failed"
+                said += f", {sum(p.our_failures for p in found)} of ours"
             else:
-                of_row = run_row(name, most)
-                findings += of_row
-                found = f"{sum(f.met for f in of_row)} of {len(of_row)} cases met"
-            seconds[name] = time.monotonic() - start
-            console.print(f"{name}: {found}, {seconds[name]:.0f} s", highlight=False)
+                found = run_row(name, most)
+                said = f"{sum(f.met for f in found)} of {len(found)} cases met"
+            _keep(kept, name, most, found)
+            console.print(f"{name}: {said}, {time.monotonic() - start:.0f} s", highlight=False)
             progress.advance(task)
-    return Outcome(findings, catches, peers, seconds)
+
+
+def _keep(folder: Path, name: str, most: int, found: Sequence) -> None:
+    values = [dataclasses.asdict(value) for value in found]
+    kept = {"code_version": code_version(), "rays": most, "found": values}
+    with replacing(folder / f"{name}.json") as scratch:
+        scratch.write_text(json.dumps(kept, indent=1))
+
+
+def _kept(folder: Path, name: str) -> dict:
+    file = folder / f"{name}.json"
+    kept = json.loads(file.read_text()) if file.exists() else {}
+    return kept if kept.get("code_version") == code_version() else {}
+
+
+def _is_kept(folder: Path, name: str, most: int) -> bool:
+    return _kept(folder, name).get("rays", -1) >= most
+
+
+def load(folder: Path) -> Outcome:
+    """All that is kept of the present code."""
+    kept = folder / NAME / "rows"
+
+    def values(name: str, kind: type) -> list:
+        return [kind(**value) for value in _kept(kept, name).get("found", [])]
+
+    findings = [f for name in rows() for f in values(name, Finding)]
+    return Outcome(findings, values(PLANTED, Catch), values(POVRAY, Peer))
 
 
 def verdict(finding: Finding) -> str:
@@ -146,7 +181,7 @@ def summary_table(outcome: Outcome) -> Table:
 
 
 def planted_table(catches: Iterable[Catch]) -> Table:
-    values = [[c.bug.name, c.bug.edit.file, c.row or "none", c.how] for c in catches]
+    values = [[c.name, c.file, c.row or "none", c.how] for c in catches]
     columns = [
         Column("bug", "planted bug", align="l"),
         Column("file", "file", align="l"),
@@ -191,7 +226,7 @@ def peers_table(peers: Iterable[Peer]) -> Table:
 
 def plot(findings: Sequence[Finding]) -> Canvas:
     """The worst of each case relative to its bar, and the bound on each row's rate of failures."""
-    rated = [f for f in findings if f.worst is not None and f.bar]
+    rated = [f for f in findings if f.worst is not None and f.bar and np.isfinite(f.bar)]
     names = list(dict.fromkeys(f.row for f in findings))
     canvas = Canvas(figsize=(9, 5))
     left, right = canvas.subplots(1, 2, sharey=True)
@@ -216,8 +251,27 @@ def plot(findings: Sequence[Finding]) -> Canvas:
     return canvas
 
 
+def plot_peers(peers: Sequence[Peer]) -> Canvas:
+    """The share of rays that fail, POV-Ray's and ours; where none does, the 95% bound."""
+    canvas = Canvas(figsize=(8, 0.8 + 0.25 * len(peers)))
+    axes = canvas.subplots()
+    for y, p in enumerate(peers):
+        theirs, ours = p.povray_failures / p.rays, p.our_failures / p.rays
+        axes.plot(theirs or 3 / p.rays, y, "o" if theirs else "<", color="#D55E00")
+        axes.plot(ours or 3 / p.rays, y, "s" if ours else "<", color="#0072B2", markersize=4)
+    axes.plot([], [], "o", color="#D55E00", label="POV-Ray")
+    axes.plot([], [], "s", color="#0072B2", label="ours")
+    axes.set_xscale("log")
+    axes.set_xlabel("share of rays that fail (◂ none seen: the 95% bound)")
+    axes.set_yticks(range(len(peers)), [f"{p.row} {p.case}" for p in peers])
+    axes.invert_yaxis()
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")
+    return canvas
+
+
 def write(outcome: Outcome, folder: Path) -> Path:
-    """Tables, plot and the raw findings, to `folder`/stability."""
+    """Tables and plots, to `folder`/stability."""
     target = folder / NAME
     tables = [
         summary_table(outcome), planted_table(outcome.catches), peers_table(outcome.peers),
@@ -226,6 +280,8 @@ def write(outcome: Outcome, folder: Path) -> Path:
     write_forms(tables, target / "tables")
     if outcome.findings:
         save(plot(outcome.findings), target / "plots" / NAME)
+    if outcome.peers:
+        save(plot_peers(outcome.peers), target / "plots" / f"{NAME}_povray")
     document = target / f"{NAME}.md"
     document.write_text("\n".join(table.markdown() for table in tables))
     return document
