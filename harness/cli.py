@@ -236,7 +236,7 @@ def accuracy(
         planned, store = load_study(report.NAME), Store(results / STORE)
         report.measure_missing(out, planned, store)
         out.print(f"accuracy: {report.write(report.load(planned, store), results)}")
-        _publish(publish, results / report.NAME)
+        _publish(publish, results)
         if failed:
             raise typer.Exit(1)
 
@@ -268,8 +268,7 @@ def stability(
         out.print(f"stability: {report.write(outcome, results)}")
         for line in outcome.red:
             err.print(f"red: {line}", style="red", markup=False)
-        if publish:
-            _publish(True, results / report.NAME)
+        _publish(publish, results)
         if outcome.red:
             raise typer.Exit(1)
 

@@ -112,9 +112,10 @@ def _values(tables: list[Table]) -> str:
 
 
 def publish(folder: Path, target: Path) -> None:
-    """Copy what a reader of the repository sees: all but the LaTeX."""
+    """Copy what a reader of the repository sees, of all studies: all but the LaTeX."""
     patterns = ("*.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
-    _copy((file for pattern in patterns for file in folder.glob(pattern)), folder, target)
+    for source in (folder, folder / "accuracy", folder / "stability"):
+        _copy((file for pattern in patterns for file in source.glob(pattern)), source, target)
 
 
 def _copy(files: Iterable[Path], source: Path, target: Path) -> None:
