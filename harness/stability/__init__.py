@@ -53,7 +53,7 @@ class Row:
 _ROWS: dict[str, Row] = {}
 _MODULES = (
     "quadrics", "torus", "blocks", "walls", "layers", "gaps", "contacts",
-    "shadows", "invariance", "builds", "truth", "transforms", "no_rays",
+    "shadows", "invariance", "instruction_sets", "truth", "transforms", "no_rays",
 )  # fmt: skip
 
 

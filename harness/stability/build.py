@@ -30,7 +30,7 @@ def build(name: str, edits: Sequence[Edit] = (), *, isa: str = "", optimization:
 
     UserError if an edit no longer fits the source or the copy does not compile."""
     sources, out = FOLDER / name / "source", FOLDER / name / "out"
-    _copy_changed(sources, {Path("tracers") / edit.file: edit for edit in edits})
+    _copy_changed(sources, {Path(edit.file): edit for edit in edits})
     options = {"TRACERS_ISA": isa, "TRACERS_OPTIMIZATION": optimization}
     given = [f"-D{key}={value}" for key, value in options.items() if value]
     _run(["cmake", "-S", sources, "-B", out, "-G", "Ninja", f"-DPython_EXECUTABLE={sys.executable}",
@@ -43,6 +43,8 @@ def _copy_changed(target: Path, edits: dict[Path, Edit]) -> None:
     """Make `target` the sources with the edits, leaving files alone whose text stays the same."""
     files = [ROOT / "CMakeLists.txt", *(ROOT / "tracers").rglob("*.?pp")]
     wanted = {file.relative_to(ROOT) for file in [*files, ROOT / "tracers/schemes/schemes.def"]}
+    for file in edits.keys() - wanted:
+        raise UserError(f"{file}: no such source")
     for file in wanted:
         text = (ROOT / file).read_text()
         if edit := edits.get(file):

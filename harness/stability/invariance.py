@@ -44,7 +44,9 @@ def solids(
     """Numbered trees, of all families in turn; rays (n, 8) that add up to at least the total."""
     for number in range(max(total // RAYS_PER_TREE, len(FAMILIES))):
         tree = list(FAMILIES.values())[number % len(FAMILIES)](rng)
-        yield number, tree, all_rays(tree, rng, min(-(-total // len(FAMILIES)), RAYS_PER_TREE))
+        rays = all_rays(tree, rng, min(-(-total // len(FAMILIES)), RAYS_PER_TREE))
+        rays[np.abs(rays) < 1e-300] = 0  # near denormals, scaling by a power of two is not exact
+        yield number, tree, rays
 
 
 def scaled(rays: np.ndarray, exponent: int) -> np.ndarray:

@@ -19,6 +19,7 @@ import tracers
 from harness import ROOT, UserError
 from harness.adversaries.aim import rays_for
 from harness.adversaries.families import random_solid
+from harness.adversaries.walls import finite_bounds
 from harness.stability import Findings, row
 from harness.stability.build import build
 from harness.stability.scenes import GUARD, PRECISIONS, Tally, error_unit
@@ -42,10 +43,11 @@ def runnable() -> list[str]:
 
 
 def view(tree: tracers.CsgTree, side: int) -> tracers.View:
-    eye = tuple(tree.bounds.mean(axis=0) + 1.5 * tree.size * np.array([0.5, -0.7, 0.4]))
+    middle = finite_bounds(tree).mean(axis=0)
+    eye = tuple(middle + 1.5 * tree.size * np.array([0.5, -0.7, 0.4]))
     lights = [(3.0, -9.0, 9.0, 0.7, 0.7, 0.7), (-9.0, -2.0, 5.0, 0.3, 0.3, 0.3)]
     return tracers.View(
-        eye, tuple(tree.bounds.mean(axis=0)), (0, 0, 1), 40, side, side,
+        eye, tuple(middle), (0, 0, 1), 40, side, side,
         lights, (0.1, 0.1, 0.1), (0, 0, 0), (0.8, 0.8, 0.8),
     )  # fmt: skip
 
@@ -86,7 +88,7 @@ from pathlib import Path
 from harness.stability import build
 module, count, out = sys.argv[1:]
 build.load(Path(module))
-from harness.stability.builds import save
+from harness.stability.instruction_sets import save
 save(int(count), out)
 """
 
