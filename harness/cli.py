@@ -203,6 +203,11 @@ def oracle(
     """Explain one ray in exact arithmetic: every crossing, the solid between them, and what each
     exact scheme answered.
 
+    A verdict is "agree"; "excused" where rounding may decide (gap: two crossings closer than the
+    tie band; grazing: the ray within 4 E of tangent; tie, edge, neighbour, start, end: see
+    harness/oracle/judge.py); "flip", a hit instead of a miss or on a wrong boundary; or "wrong
+    leaf".
+
     \b
     csgbench oracle ball --pixel 200,310
     csgbench oracle part.scad --pixel 10,10 --size 64x64
@@ -225,7 +230,13 @@ def accuracy(
     """Measure the trade of speed for accuracy: one knob at a time, against the exact scheme and the
     oracle; then its tables and plots, to results/accuracy/.
 
-    The settings are those of harness/sweeps/accuracy.toml. What is measured already is kept.
+    The settings are those of harness/sweeps/accuracy.toml: precision, torus solver, tie band,
+    shadow rule, segments of a mesh, tolerance of sphere tracing, size of the picture. About 30
+    minutes on two cores. What is measured already is kept.
+
+    \b
+    csgbench accuracy
+    csgbench oracle ngk --pixel 200,310      one ray in exact arithmetic
     """
     with _one_line_errors():
         from harness.accuracy import report
@@ -245,7 +256,11 @@ def accuracy(
 def stability(
     names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7 povray.")] = None,
     rays: Annotated[
-        int, typer.Option(min=0, help="At most so many a row; 0 is what the tests run.")
+        int,
+        typer.Option(
+            min=0,
+            help="At most so many a row, but no fewer than in its test.",
+        ),
     ] = 1_000_000,
     publish: Publish = False,
     results: Results = RESULTS,
@@ -253,8 +268,9 @@ def stability(
     """Test numerical stability at the extremes: rows X1 to X18, each with its bar.
 
     X18 plants twenty bugs and asks whether the other rows notice; it compiles for each. Rows named
-    are run; without any, those that this code has not been through yet. Exit code 1 if a bar is not
-    met.
+    are run; without any, those that this code has not been through yet, which takes about an hour.
+    `povray` asks POV-Ray the same. A bar that is not met is red, with its cause, and makes the exit
+    code 1.
 
     \b
     csgbench stability

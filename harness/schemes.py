@@ -53,12 +53,17 @@ def is_exact(scheme: str, params: Params) -> bool:
 
 def parse_settings(scheme: str, settings: list[str]) -> Params:
     """`["d=5", "h=10"]`, as typed on a command line, to parameters of the scheme."""
+    import tracers
+
+    declared = [*catalogue()[scheme].parameters] if scheme in catalogue() else []
+    words = {p.name for p in [*declared, *tracers.numerics_parameters()] if p.choices}
     given: Params = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
             raise UserError(f"'{setting}' is not of the form name=value, such as d=5")
-        given[name] = int(text) if re.fullmatch(r"[+-]?[0-9]+", text) else text
+        is_number = name not in words and re.fullmatch(r"[+-]?[0-9]+", text)
+        given[name] = int(text) if is_number else text
     return complete(scheme, given)
 
 
@@ -73,7 +78,7 @@ def describe(known: Catalogue) -> Table:
         label = scheme.title if scheme.exact else f"{scheme.title} [red](inexact)[/red]"
         table.add_row(f"[bold]{scheme.name}[/bold]", "", "", "", label)
         _add_parameters(table, scheme.parameters)
-    table.add_row("[bold]and[/bold]", "", "", "", "Common to all that compute crossings")
+    table.add_row("[bold]and[/bold]", "", "", "", "Common to all exact schemes")
     _add_parameters(table, tracers.numerics_parameters())
     return table
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from harness import UserError, models
 from harness.images import write_picture
 from harness.scenes import load_scenes
-from harness.schemes import catalogue, parse_settings
+from harness.schemes import is_exact, parse_settings
 from harness.table import NOTHING, integer, megabytes, milliseconds, number
 
 MAX_PIXELS = 1 << 26
@@ -26,7 +26,6 @@ def trace(
     output: Path | None,
 ) -> None:
     """Trace, write `output` if it is asked for, and print times, memory and counters."""
-    known = catalogue()
     params = parse_settings(scheme, settings)
     width, height = parse_size(size)
     if output and output.suffix.lower() not in (".png", ".exr"):
@@ -51,7 +50,7 @@ def trace(
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("model", f"{model}: {tree.halfspaces:,} halfspaces, {tree.nodes:,} nodes")
     shown = " ".join(f"{name}={value}" for name, value in params.items())
-    exact = "" if known[scheme].exact else " (inexact)"
+    exact = "" if is_exact(scheme, params) else " (inexact)"
     table.add_row("scheme", f"{scheme} {shown}{exact}")
     if mesh:
         table.add_row("mesh", f"{len(mesh.triangles):,} triangles in {number(mesh.mesh_s)} s")
@@ -74,5 +73,6 @@ def parse_size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text)
     size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not 1 <= size[0] * size[1] <= MAX_PIXELS:
-        raise UserError(f"size '{text}' is not of the form 512x512, or is too large")
+        wanted = f"of the form 512x512, from 1 to {MAX_PIXELS:,} pixels"
+        raise UserError(f"size '{text}' is not {wanted}")
     return size

@@ -24,6 +24,7 @@ from harness.table import Column, Table, milliseconds, number, scientific, write
 from harness.worker import utc_now
 
 NAME = "accuracy"
+FLOOR = 1e-6  # where a mean FLIP of exactly 0 is drawn
 KNOBS = {  # colour, mark; what is not a knob of the exact scheme is another scheme
     "exact": ("#000000", "*"),
     "precision": ("#0072B2", "s"),
@@ -230,7 +231,7 @@ def _right(s: Setting) -> bool:
 
 
 NEEDS = [
-    Need("every bit, for references and for thin parts",
+    Need("right to rounding: no pixel wrong, surfaces within 1e-14 of the size",
          lambda s: _right(s) and s.figures["surface_max"] <= 1e-14
          and not s.figures["wrong_light"]),
     Need("dimensions to a millionth of the size, no hit wrong beyond rounding",
@@ -265,13 +266,13 @@ def choice_table(settings: Sequence[Setting]) -> Table:
             ])  # fmt: skip
     columns = [
         Column("model", "model", align="l"),
-        Column("need", "who needs", align="l"),
-        Column("fastest", "takes", align="l", group="to trace"),
-        Column("ray_ns", "ns/ray", number, group="to trace"),
-        Column("speedup", "times the exact's speed", number, group="to trace"),
-        Column("preparation_s", "preparation ms", milliseconds, group="to trace"),
-        Column("soonest", "takes", align="l", group="for one picture"),
-        Column("first_s", "all in all ms", milliseconds, group="for one picture"),
+        Column("need", "need", align="l"),
+        Column("fastest", "setting", align="l", group="fastest to trace"),
+        Column("ray_ns", "ns/ray", number, group="fastest to trace"),
+        Column("speedup", "times the exact's speed", number, group="fastest to trace"),
+        Column("preparation_s", "preparation ms", milliseconds, group="fastest to trace"),
+        Column("soonest", "setting", align="l", group="soonest for one picture"),
+        Column("first_s", "all in all ms", milliseconds, group="soonest for one picture"),
     ]
     title = "Which setting for which need, and what it costs"
     return Table("choice", title, columns, rows, keys=2)
@@ -298,7 +299,7 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
             y = s.per_million(key) if key == "flips" else s.figures[key]
             none_seen = y == 0
             if none_seen:
-                y = s.bound_per_million if key == "flips" else 1e-6
+                y = s.bound_per_million if key == "flips" else FLOOR
             points.append((x.median, y))
             reach = [[max(0, x.median - x.low)], [max(0, x.high - x.median)]]
             axes.errorbar(x.median, y, xerr=np.nan_to_num(reach), fmt=mark, color=colour,
@@ -306,7 +307,7 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
                           markerfacecolor="white" if none_seen else colour)  # fmt: skip
             short = re.sub("algorithm_", "", s.value)
             axes.annotate(short, (x.median, y), xytext=(4, 3), textcoords="offset points",
-                          fontsize=6, color=colour)  # fmt: skip
+                          fontsize=7, color=colour)  # fmt: skip
         front = _pareto(points)
         axes.step(*zip(*front, strict=True), where="post", color="#BBBBBB", linewidth=1, zorder=0)
         axes.set_xscale("log")
@@ -317,7 +318,7 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
     used = [knob for knob in KNOBS if any(s.knob == knob for s in shown)]
     marks = [canvas.axes[0].plot([], [], KNOBS[k][1], color=KNOBS[k][0])[0] for k in used]
     canvas.legend(marks, used, loc="outside lower center", ncols=len(used), fontsize=8)
-    canvas.suptitle(f"{model}: speed for accuracy (hollow: none seen, the 95% bound is drawn)")
+    canvas.suptitle(f"{model}: speed for accuracy (hollow: none seen; flips at their 95% bound)")
     return canvas
 
 

@@ -38,11 +38,13 @@ def explain(
     (8,) as in the tracers. size: `512x512` or (width, height) in pixels; the scene's own if None.
     """
     tree, scene = _load(model)
+    for warning in tree.warnings:
+        out.print(f"warning: {warning}", style="yellow", markup=False)
     solid = ExactSolid.from_csg(to_csg(scene.model, models.CACHE), tree)
     row = _checked(ray) if ray is not None else _pixel_ray(out, scene, pixel, size)
     answer = solid.answer(row)
     out.print(
-        f"{model}: {tree.halfspaces:,} halfspaces, decimals as rationals; "
+        f"{model}: {tree.halfspaces:,} halfspaces, exact for the decimals in the .csg; "
         f"{len(solid.candidates(row))} near the ray"
     )
     out.print(f"origin    ({_triple(row[:3])})")
@@ -53,11 +55,12 @@ def explain(
             f"The ray runs in the surface of {names}: taken as outside of it.", style="yellow"
         )
     out.print()
-    out.print(_crossings_table(solid, answer))
-    out.print()
     out.print(_sentence(solid, answer))
     out.print()
     out.print(_schemes_table(solid, answer, row))
+    out.print("E = u·(|o| + size): rounding of the way from the ray's origin to the halfspace.")
+    out.print()
+    out.print(_crossings_table(solid, answer))
 
 
 def _load(model: str) -> tuple[tracers.CsgTree, Scene]:
@@ -105,11 +108,11 @@ def _crossings_table(solid: ExactSolid, answer: Answer) -> Table:
     table = Table(
         box=None, pad_edge=False, title="Crossings of the whole line", title_justify="left"
     )
-    for heading in ("", "t", "halfspace", "face", "", "then inside of", "the solid"):
+    for heading in ("", "t", "halfspace", "face", "", "inside of", "the solid"):
         table.add_column(
             heading,
             justify="right" if heading == "t" else "left",
-            no_wrap=heading != "then inside of",
+            no_wrap=True,
         )
     within: set[int] = set()
     for i, crossing in enumerate(answer.crossings):
@@ -124,7 +127,7 @@ def _crossings_table(solid: ExactSolid, answer: Answer) -> Table:
                 _name(solid, change.leaf),
                 ", ".join(faces[piece] for piece in change.pieces),
                 "enters" if change.inside else "leaves",
-                " ".join(map(str, sorted(within))) if last else "",
+                str(len(within)) if last else "",
                 _state(answer, i) if last else "",
             )
     return table

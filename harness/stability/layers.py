@@ -1,7 +1,5 @@
-"""X7, X8, X9: layers that are not there must not be seen, and layers that are there must be.
-
-X7: surfaces that are one in the source, reached through different decimals. X8: gaps and shells of
-known thickness. X9: solids that touch in a point or along a line.
+"""X7: layers that are not there must not be seen, and layers that are there must be: surfaces that
+are one in the source, reached through different decimals. X8 is gaps.py, X9 contacts.py.
 """
 
 from __future__ import annotations
