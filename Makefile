@@ -32,10 +32,10 @@ check: setup  ## style and lint
 conformance: setup  ## all exact schemes against naive, RAYS=1000000 a family and scheme
 	@$(PYTHON) -m pytest tracers/tests/test_conformance.py tracers/tests/test_conformance_scenes.py --rays $(RAYS)
 
-accuracy: setup  ## speed for accuracy: one knob at a time, against the oracle
+accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 	@$(BENCH) accuracy
 
-stability: setup  ## numerical stability at the extremes (RAYS=1000000 a row)
+stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
 
 reference: setup  ## render POV-Ray's pictures and compare ours with them
