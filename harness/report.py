@@ -53,7 +53,7 @@ def all_tables(paper: Results, grid: Results, counted: dict[str, dict]) -> list[
         *(timing(name, fig) for name, fig in figures.items()),
         *([claims(paper)] if figures else []),
         reductions(figures.values()),
-        optimum(figures.values(), grid),
+        optimum(figures.values(), grid, paper.code_version),
         break_even(figures.values()),
         *(schemes(model, paper) for model in counted),
         fastest_exact(paper),

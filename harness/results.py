@@ -119,6 +119,11 @@ class Results:
     rows: pd.DataFrame  # all that is tabled, as stored, oldest first
 
     @property
+    def code_version(self) -> str | None:
+        """Of the code that all rows were measured by."""
+        return None if self.rows.empty else str(self.rows["code_version"].iat[0])
+
+    @property
     def tabled(self) -> list[Result]:
         return [result for result in self.all if result.ok]
 
@@ -151,10 +156,12 @@ class Results:
 
 
 def load(store: Store, study: Study) -> Results:
-    """Read and judge the rows of a study: those of the newest code and, for each model, of its
-    newest form."""
+    """Read and judge the rows of a study: those of the newest code that has any and, for each
+    model, of its newest form."""
     rows = store.records()
-    rows = rows[rows["code_version"].isin(rows["code_version"].tail(1))]
+    planned = {tuple(getattr(c, key) for key in _CONFIGURATION) for c in study.configurations}
+    own = [tuple(row) in planned for row in rows[_CONFIGURATION].itertuples(index=False)]
+    rows = rows[rows["code_version"].isin(rows.loc[own, "code_version"].tail(1))]
     rows = rows[rows["model_hash"] == rows.groupby("model")["model_hash"].transform("last")]
     model_hashes = dict(zip(rows["model"], rows["model_hash"], strict=True))
     checks = {tuple(check[key] for key in _PICTURE): check for check in store.checks()}
