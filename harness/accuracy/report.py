@@ -277,7 +277,7 @@ def choice_table(settings: Sequence[Setting]) -> Table:
         Column("first_s", "all in all ms", milliseconds, group="soonest for one picture"),
     ]
     notes = [
-        "Of the settings tried on this picture. A setting that errs nowhere here may err elsewhere: "
+        "Of the settings tried on this picture. What errs nowhere here may err elsewhere: "
         "see the extremes. Preparation is building, and making the mesh where there is one."
     ]
     title = "Which setting for which need, and what it costs"
