@@ -35,8 +35,8 @@ enum class Precision : std::uint8_t { Float64, Float32 };
 
 enum class TorusSolver : std::uint8_t { Robust, Ferrari, Algorithm1010 };
 
-/// How crossings are computed and told apart. All but `precision` at its default is right; the rest is
-/// here to measure what it is worth.
+/// How crossings are computed and told apart. Both precisions are right, each within its own E; the
+/// other knobs are right at their defaults only, and are there to measure what that is worth.
 struct Numerics {
   Precision precision = Precision::Float64;
   TorusSolver torus = TorusSolver::Robust;

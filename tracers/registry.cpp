@@ -1,4 +1,5 @@
 // The list of schemes.def as data, and the checking of their parameters.
+#include <algorithm>
 #include <stdexcept>
 
 #include "params.hpp"
@@ -31,19 +32,17 @@ namespace {
 
 void check(const std::string& scheme, const ParamSpec& spec, const ParamValue& value) {
   const std::string where = scheme + ": parameter '" + spec.name + "' ";
+  std::string known;
+  for (const std::string& choice : spec.choices) known += (known.empty() ? "" : ", ") + choice;
   if (value.index() != spec.default_value.index())
-    throw std::invalid_argument(where + "wants " + (spec.choices.empty() ? "a whole number" : "a word"));
+    throw std::invalid_argument(where + "wants " + (known.empty() ? "a whole number" : "a word: " + known));
   if (const long* number = std::get_if<long>(&value)) {
     if (*number < spec.minimum || *number > spec.maximum)
       throw std::invalid_argument(where + "is " + std::to_string(*number) + ", outside " +
                                   std::to_string(spec.minimum) + ".." + std::to_string(spec.maximum));
     return;
   }
-  std::string known;
-  for (const std::string& choice : spec.choices) {
-    if (choice == std::get<std::string>(value)) return;
-    known += (known.empty() ? "" : ", ") + choice;
-  }
+  if (std::ranges::find(spec.choices, std::get<std::string>(value)) != spec.choices.end()) return;
   throw std::invalid_argument(where + "is '" + std::get<std::string>(value) + "'; known: " + known);
 }
 

@@ -33,7 +33,8 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
     out.exponent = -exponent;
     for (int axis = 0; axis < 3; ++axis) ray.dir[axis] = std::ldexp(ray.dir[axis], -exponent);
     ray.t_min = std::ldexp(ray.t_min, exponent);
-    ray.t_max = std::ldexp(ray.t_max, exponent);
+    // A t that no double can hold is no hit, as beyond t_max.
+    ray.t_max = std::ldexp(std::min(ray.t_max, std::numeric_limits<double>::max()), exponent);
   }
   // Entries that no path can tell from 0, so that nothing hangs on denormals: with or without them
   // flushed to zero the bits are the same.
@@ -44,9 +45,12 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
   // Moving costs what the far origin's band says: the ends give way by as much, so that no hit comes
   // back at t_min or from beyond t_max. From very far, one move lands as far off as its rounding.
   const double band = tree.tolerances().band(ray.origin, length(ray.dir));
+  // The pads of ill-conditioned leaves may make the world larger than is far, though not the solid.
+  const double most = 2 * tree.size();
+  const Box world = intersection(tree.world(), {{-most, -most, -most}, {most, most, most}});
   constexpr int kMostMoves = 8;
   for (int move = 0; is_far(); ++move) {
-    const Interval inside = slab(tree.world(), ray.origin, Reciprocal(ray.dir));
+    const Interval inside = slab(world, ray.origin, Reciprocal(ray.dir));
     if (inside.empty() || move == kMostMoves) return {nowhere};
     out.shift += inside.lo;
     // With one rounding, of what is near: so the line stays where it was.

@@ -183,11 +183,14 @@ class Judge:
         """Within the guard, or in a band with a crossing of it (rule 6 looks as far)."""
         if not 0 <= leaf < len(self.solid.kinds):
             return False
-        return abs(self.clearance(leaf, t)) <= GUARD or any(
-            abs(c.t - t) <= 2 * self.wide_band(c)
-            for c in self.answer.crossings
-            if leaf in c.leaves and self._could_matter(c, t)
-        )
+        if abs(self.clearance(leaf, t)) <= GUARD:
+            return True
+        near = [
+            (c, 2 * self.wide_band(c)) for c in self.answer.crossings if self._could_matter(c, t)
+        ]
+        # The band is that of the boundary hit, which may be another leaf's.
+        reach = max((bb for c, bb in near if abs(c.t - t) <= bb), default=0.0)
+        return any(leaf in c.leaves and abs(c.t - t) <= reach for c, _ in near)
 
     def _near_tie(self, t: float) -> str:
         """A gap between crossings, or between one and an end of the ray, of less than 2·bb at t."""
@@ -236,16 +239,20 @@ class Judge:
         """A leaf within the guard of its surface, where no crossing of it explains that."""
         for t in places:
             for leaf in self.solid.candidates(self.ray):
-                if abs(self.clearance(leaf, t)) <= GUARD and not self._crosses_near(leaf, t):
+                distances = self.point(leaf, t).distances()
+                piece = int(np.argmax(distances))
+                if abs(distances[piece]) > GUARD * self.unit(leaf):
+                    continue
+                if not self._crosses_near(leaf, piece, t):
                     return "grazing"
         return ""
 
-    def _crosses_near(self, leaf: int, t: float) -> bool:
-        """Whether the ray crosses the leaf's surface, and does not graze it, so near that its
-        distance there is small."""
+    def _crosses_near(self, leaf: int, piece: int, t: float) -> bool:
+        """Whether the ray crosses this piece of the leaf's surface, and does not graze it, so near
+        that its distance there is small. A cap that is crossed explains no nearness to the side."""
         for crossing in self.answer.crossings:
             if (
-                leaf not in crossing.leaves
+                not any(c.leaf == leaf and piece in c.pieces for c in crossing.changes)
                 or (cosine := self.cosine(crossing)) <= self.least_cosine
             ):
                 continue

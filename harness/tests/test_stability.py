@@ -9,8 +9,8 @@ import flint
 import numpy as np
 import pytest
 
-from harness import stability
-from harness.stability import blocks, quadrics, torus
+from harness import ROOT, stability
+from harness.stability import blocks, planted, quadrics, torus
 from harness.stability.exact import GUARD, Block, Rays, Sphere
 from harness.stability.exact_torus import Torus
 
@@ -141,3 +141,13 @@ def test_truth_of_a_torus_is_that_of_certified_roots():
             assert (count + last == exact)[clear].all()
             checked += int(clear.sum())
     assert checked > 400
+
+
+def test_twenty_bugs_can_be_planted():
+    """What they replace stands once in the source; that each is caught is for `make stability`."""
+    listed = planted.bugs()
+    assert len(listed) == len({bug.name for bug in listed}) == 20
+    for bug in listed:
+        assert (ROOT / bug.edit.file).read_text().count(bug.edit.old) == 1, bug.name
+        assert bug.edit.new != bug.edit.old
+        assert set(bug.rows) <= set(ROWS), bug.name

@@ -1,6 +1,7 @@
 // Class of a box with respect to a torus, which is not convex: corners prove nothing. The box is
 // seen in the torus' half plane (ρ, z), where the torus is a disc of radius r around (R, 0).
 #pragma once
+#include "../error_unit.hpp"
 #include "primitive.hpp"
 
 namespace csg::torus {
@@ -12,7 +13,7 @@ inline double segment_distance(const Vec3& a, const Vec3& b) {
   return std::hypot(a.x + s * dx, a.y + s * dy);
 }
 
-/// Range of ρ over the parallelepiped centre ± e₁ ± e₂ ± e₃.
+/// Range of ρ over the parallelepiped centre ± e₁ ± e₂ ± e₃, up to rounding.
 inline std::pair<double, double> rho_range(const Vec3& centre, const Mat3& edges) {
   Vec3 corner[8];
   double nearest = kInfinity, farthest = 0;
@@ -35,13 +36,16 @@ inline std::pair<double, double> rho_range(const Vec3& centre, const Mat3& edges
   return {nearest, farthest};
 }
 
-/// Exact for boxes aligned with the torus; for others it is split `splits` times where in doubt.
+/// Exact for boxes aligned with the torus; for others it is split `splits` times where in doubt. Each
+/// part grows by what rounding costs it: under a bad condition its corners are so far away that
+/// otherwise a torus where the parts meet would be in none.
 inline Class classify(const double* size, const Vec3& centre, const Mat3& edges, int splits) {
   const double major = size[0], minor = size[1];
   const auto [rho_lo, rho_hi] = rho_range(centre, edges);
+  const double rounding = 16 * kUnitRoundoff<double> * (rho_hi + std::fabs(centre.z));
   const double z_half = std::fabs(edges.col[0].z) + std::fabs(edges.col[1].z) + std::fabs(edges.col[2].z);
-  const double z_lo = std::max(0.0, std::fabs(centre.z) - z_half), z_hi = std::fabs(centre.z) + z_half;
-  const double off_lo = std::max({0.0, rho_lo - major, major - rho_hi});
+  const double z_lo = std::max(0.0, std::fabs(centre.z) - z_half - rounding), z_hi = std::fabs(centre.z) + z_half;
+  const double off_lo = std::max({0.0, rho_lo - rounding - major, major - rho_hi - rounding});
   const double off_hi = std::max(std::fabs(rho_lo - major), std::fabs(rho_hi - major));
   if (std::hypot(off_lo, z_lo) > minor) return Class::Empty;
   if (std::hypot(off_hi, z_hi) < minor) return Class::Full;

@@ -16,7 +16,9 @@ namespace {
 class EmbreeCells final : public Tracer {
  public:
   EmbreeCells(std::shared_ptr<const CsgTree> tree, OctreeLimits limits)
-      : Tracer(std::move(tree)), octree_(*tree_, limits, Bounds::Root), boxes_(root_bounds(), tree_->size()) {}
+      : Tracer(std::move(tree)),
+        octree_(*tree_, limits, Bounds::Root),
+        boxes_(root_bounds(), size_with_pads(octree_.world(), tree_->size())) {}
 
   std::size_t bytes() const override { return octree_.bytes() + boxes_.bytes(); }
   std::map<std::string, double> facts() const override { return octree_.facts(); }

@@ -17,7 +17,7 @@ class EmbreePrimitives final : public Tracer {
       : Tracer(std::move(tree)),
         nodes_(global_tree(*tree_)),
         world_(tree_->world()),
-        boxes_(leaf_boxes(*tree_), tree_->size()) {
+        boxes_(leaf_boxes(*tree_), size_with_pads(world_, tree_->size())) {
     node_of_leaf_.resize(tree_->leaves().size());
     for (std::uint32_t i = 0; i < nodes_.size(); ++i)
       if (nodes_[i].is_leaf()) node_of_leaf_[static_cast<std::size_t>(nodes_[i].leaf())] = i;

@@ -33,6 +33,14 @@ class EmbreeUnits {
 /// 2⁻¹⁹ of its size, more than Embree's own arithmetic adds.
 inline constexpr double kEmbreePad = 0x1p-19;
 
+/// How large what rays are traced in is: pads of ill-conditioned leaves may make the world many times the
+/// model's size, and with it the floats of a ray that enters it.
+inline double size_with_pads(const Box& world, double size) {
+  if (world.empty()) return size;
+  for (int axis = 0; axis < 3; ++axis) size = std::max({size, std::fabs(world.lo[axis]), std::fabs(world.hi[axis])});
+  return size;
+}
+
 /// Owns a device and a scene of one geometry. Embree's build uses one thread, as all schemes do.
 class EmbreeScene {
  public:
@@ -94,7 +102,7 @@ inline RTCRayHit embree_ray(const EmbreeUnits& units, const Ray& ray, double t0,
 /// roughly near to far. `visit` may return a t beyond which boxes no longer matter, else +inf.
 class EmbreeBoxes {
  public:
-  /// `size`: of the model, which sets units and padding.
+  /// `size`: of the model with its pads, which sets units and padding.
   EmbreeBoxes(std::vector<Box> boxes, double size)
       : boxes_(std::move(boxes)), units_(size), pad_(kEmbreePad * size), scene_(RTC_GEOMETRY_TYPE_USER) {
     const RTCGeometry geometry = scene_.geometry();

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import tracers
 from harness.adversaries import FAMILIES
 from harness.adversaries.aim import all_rays, rays_for
+from harness.adversaries.families import UNION, Solid, placed
 from harness.adversaries.walls import tie_past_an_edge
 
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
@@ -109,6 +110,53 @@ def test_ties_just_past_a_cells_edge() -> None:
             params = {"d": number % 3 + 1, "h": 1} if {"d", "h"} <= names else {}
             tracer = tracers.make(scheme.name, tree, params)
             assert_same(tree, scheme.name, params, tracer, rays, expected)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("kind", ["sphere", "torus"])
+def test_pads_of_bad_condition(kind: str, precision: str) -> None:
+    """A shear of condition 3e13: pads make the world many times the solid, and a cell's corners are
+    so far away in the torus' frame that rounding costs more than the torus is large. Rays that
+    start anywhere along the line, or before it, find the same."""
+    solid = Solid()
+    sheared = placed(0, 0, 0, np.array([[1e-7, 1, 0], [0, 1e-7, 0], [0, 0, 1e-7]]))
+    parts = [solid.leaf("block", [0.3, 0.2, 0.1]), solid.leaf(kind, [1.0, 0.3], sheared)]
+    tree = solid.tree([UNION, *parts])
+    rng = np.random.default_rng(8)
+    local = rng.uniform(-1, 1, (300, 6))
+    at, along = local[:, :3] @ sheared[:, :3].T, local[:, 3:] @ sheared[:, :3].T
+    away = rng.choice([0, 3, 1e3, 1e9], (300, 1))
+    start = rng.choice([-np.inf, -1e5, 0], 300)
+    at[::2], along[::2] = local[::2, :3] * [0.3, 0.2, 0.1], local[::2, 3:]  # at the block
+    rays = np.column_stack([at - away * along, along, start, np.full(300, np.inf)])
+    check_tree(tree, rng, 100, lambda s: grid(s)[:1], precision)
+    expected = tracers.make("naive", tree, {"precision": precision}).trace(rays)
+    for scheme in EXACT:
+        for params in grid(scheme):
+            params = params | {"precision": precision}
+            tracer = tracers.make(scheme.name, tree, params)
+            assert_same(tree, scheme.name, params, tracer, rays, expected)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_far_rays_meet_an_ill_conditioned_solid(precision: str) -> None:
+    """The pad made the world so large that a ray moved to it was still too far, and missed."""
+    solid = Solid()
+    thin = {"float64": 1e-12, "float32": 1e-8}[precision]
+    disc = solid.leaf("sphere", [1.0], placed(0, 0, 0, np.diag([1, 1, thin])))
+    tree = solid.tree(disc)
+    rays = np.array([[-away, 0, 0, 1, 0, 0, 0, np.inf] for away in (2, 20, 200, 2e9)])
+    hits = tracers.make("naive", tree, {"precision": precision}).trace(rays)
+    assert hits.leaf.tolist() == [0, 0, 0, 0]
+
+
+def test_a_t_beyond_all_doubles_is_a_miss() -> None:
+    solid = Solid()
+    tree = solid.tree(solid.leaf("sphere", [1.0]))
+    rays = np.array([[0, 0, -1e10, 0, 0, 1e-300, 0, np.inf]])
+    naive = tracers.make("naive", tree)
+    assert (naive.trace(rays).leaf[0], naive.trace(rays).t[0]) == (-1, np.inf)
+    assert naive.occluded(rays)[0] == 0
 
 
 class Planted:
