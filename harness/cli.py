@@ -176,6 +176,7 @@ def tables(
     """
     with _one_line_errors():
         _tables(study, results)
+        _accuracy_tables(results)
         _publish(publish, results)
 
 
@@ -246,7 +247,7 @@ def accuracy(
         failed = _measure(report.NAME, seed, False, results)
         planned, store = load_study(report.NAME), Store(results / STORE)
         report.measure_missing(out, planned, store)
-        out.print(f"accuracy: {report.write(report.load(planned, store), results)}")
+        _accuracy_tables(results)
         _publish(publish, results)
         if failed:
             raise typer.Exit(1)
@@ -326,6 +327,16 @@ def _tables(study: str, folder: Path) -> None:
     for model in paper.unchecked:
         line = f"{model}: not compared with POV-Ray yet; run `csgbench reference`"
         err.print(line, style="yellow", markup=False)
+
+
+def _accuracy_tables(folder: Path) -> None:
+    """And its plots, of what `csgbench accuracy` has measured, if it has."""
+    from harness.accuracy import report
+    from harness.report import load_study
+    from harness.store import Store
+
+    if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
+        out.print(f"accuracy: {report.write(settings, folder)}")
 
 
 def _plots(study: str, folder: Path) -> None:

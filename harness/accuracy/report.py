@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import LogLocator, NullFormatter
 from rich.console import Console
 
 from harness import models, results
@@ -298,7 +299,8 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
     shown = [s for s in settings if s.result.model == model and s.is_compared]
     canvas = Canvas(figsize=(12, 4.6))
     for axes, (key, what) in zip(canvas.subplots(1, 3), _PANELS.items(), strict=True):
-        points = []
+        points: list[tuple[float, float]] = []
+        names: list[tuple[float, float]] = []
         for s in shown:
             colour, mark = KNOBS.get(s.knob, ("#777777", "."))
             x = s.ray_ns
@@ -311,13 +313,19 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
             axes.errorbar(x.median, y, xerr=np.nan_to_num(reach), fmt=mark, color=colour,
                           markersize=8 if s.knob == "exact" else 5, linewidth=0.8,
                           markerfacecolor="white" if none_seen else colour)  # fmt: skip
-            short = re.sub("algorithm_", "", s.value)
-            axes.annotate(short, (x.median, y), xytext=(4, 3), textcoords="offset points",
-                          fontsize=7, color=colour)  # fmt: skip
+            named = (np.log(x.median), np.log(y))
+            if all(np.hypot(0.3 * (named[0] - a), 0.1 * (named[1] - b)) > 0.05 for a, b in names):
+                names.append(named)  # where marks crowd, the first is named, the rest by colour
+                short = re.sub("algorithm_", "", s.value)
+                axes.annotate(short, (x.median, y), xytext=(4, 3), textcoords="offset points",
+                              fontsize=7, color=colour)  # fmt: skip
         front = _pareto(points)
         axes.step(*zip(*front, strict=True), where="post", color="#BBBBBB", linewidth=1, zorder=0)
         axes.set_xscale("log")
         axes.set_yscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("ns a ray")
         axes.set_title(what)
         axes.grid(alpha=0.3)
