@@ -81,7 +81,7 @@ def test_a_binary_file_and_a_missing_one(tmp_path):
     (tmp_path / "b.toml").write_bytes(b"\xff\x00")
     with pytest.raises(UserError, match="UTF-8"):
         load(tmp_path / "b.toml")
-    with pytest.raises(UserError, match="known: grid, paper"):
+    with pytest.raises(UserError, match="known: accuracy, grid, paper"):
         find("papers")
 
 
