@@ -25,6 +25,8 @@ def test_row_meets_its_bars_or_says_why_not(name):
     assert {finding.row for finding in findings} == {name}
     unmet = [finding for finding in findings if not finding.met]
     assert not [finding for finding in unmet if not finding.red]
+    # A known cause explains no more than what it was seen to do: 3 in 10,000 rays.
+    assert all(f.failures * 1000 <= f.rays for f in unmet)
     if unmet:
         pytest.xfail("; ".join(sorted({finding.red for finding in unmet})))
 
