@@ -39,6 +39,19 @@ struct Crossing {
   std::uint8_t face;
 };
 
+/// How a ray meets a leaf at a crossing.
+struct Facing {
+  Vec3 normal;  ///< of the leaf, unit
+  double cosine;
+};
+inline Facing facing(const Leaf& leaf, std::uint8_t face, const Ray& ray, double t, double speed) {
+  const Vec3 gradient = leaf_normal(leaf, face, ray.origin + t * ray.dir);
+  const double norm = length(gradient);
+  if (!(norm > 0 && norm < kInfinity)) return {(-1 / speed) * ray.dir, 1};  // an apex, a torus' axis
+  const Vec3 normal = (1 / norm) * gradient;
+  return {normal, dot(normal, ray.dir) / speed};
+}
+
 /// Memory that a batch of rays shares.
 struct SearchScratch {
   TreeState state;
@@ -132,11 +145,6 @@ class BoundarySearch {
  private:
   const Tolerances& tolerances() const { return model_.tolerances(); }
 
-  struct Facing {
-    Vec3 normal;  // of the leaf, unit
-    double cosine;
-  };
-
   /// Crossings before the interval, or before `skip`, only tell where the ray starts inside.
   template <class Select>
   void collect(TreeView tree, double t0, double t1, Select select) {
@@ -191,12 +199,7 @@ class BoundarySearch {
   }
 
   Facing facing(const Crossing& on) const {
-    const Leaf& leaf = model_.leaves()[static_cast<std::size_t>(on.leaf)];
-    const Vec3 gradient = leaf_normal(leaf, on.face, ray_.origin + on.t * ray_.dir);
-    const double norm = length(gradient);
-    if (!(norm > 0 && norm < kInfinity)) return {(-1 / speed_) * ray_.dir, 1};  // an apex, a torus' axis
-    const Vec3 normal = (1 / norm) * gradient;
-    return {normal, dot(normal, ray_.dir) / speed_};
+    return csg::facing(model_.leaves()[static_cast<std::size_t>(on.leaf)], on.face, ray_, on.t, speed_);
   }
 
   /// Out of the solid: against the ray if it enters, with it if it leaves.

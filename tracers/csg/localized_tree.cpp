@@ -107,7 +107,7 @@ Class CellClassifier::localize(TreeView tree, const Box& cell, std::vector<TreeN
   for (const TreeNode& node : tree) {
     if (!node.is_leaf()) continue;
     const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
-    classes_.push_back(classify(leaf, cell.padded(leaf.pad)));
+    classes_.push_back(classify(leaf, cell.padded(pads_ * leaf.pad)));
   }
   return localizer_.localize(tree, classes_, localized);
 }

@@ -10,6 +10,7 @@ namespace csg {
 struct OctreeLimits {
   int d;  ///< maximum level; the root is level 0
   int h;  ///< a cell with this many halfspaces, or fewer, is not divided
+  int pads = 1;  ///< for how many times P around them the cells' trees hold
 };
 
 /// The declarations of d and h, for schemes built on the octree.
@@ -19,6 +20,19 @@ class Octree {
  public:
   Octree(const CsgTree& model, OctreeLimits limits, Bounds bounds = Bounds::None,
          SBoundPasses passes = SBoundPasses::One);
+
+  /// A link: eight children, or a terminal cell.
+  using Link = std::int32_t;
+  Link root() const { return root_; }
+  static bool is_cell(Link link) { return link < 0; }
+  static Cell cell(Link link) { return cell_of(link); }
+  Link child(Link link, int number) const { return children_[static_cast<std::size_t>(link + number)]; }
+  static Box child_box(const Box& box, int child) {
+    const Vec3 centre = box.center();
+    Box out = box;
+    for (int axis = 0; axis < 3; ++axis) (child >> axis & 1 ? out.lo : out.hi)[axis] = centre[axis];
+    return out;
+  }
 
   const Box& world() const { return world_; }
   const CellTrees& trees() const { return trees_; }
@@ -110,12 +124,6 @@ class Octree {
   static Cell cell_of(std::int32_t link) {
     return link <= kFirstPartial ? Cell::partial(static_cast<std::size_t>(kFirstPartial - link))
                                  : Cell::constant(link == kFullLink);
-  }
-  static Box child_box(const Box& box, int child) {
-    const Vec3 centre = box.center();
-    Box out = box;
-    for (int axis = 0; axis < 3; ++axis) (child >> axis & 1 ? out.lo : out.hi)[axis] = centre[axis];
-    return out;
   }
 
   Box world_;

@@ -1,0 +1,331 @@
+#include "build.hpp"
+
+#include <optional>
+
+#include "../csg/sbound.hpp"
+
+namespace csg::packets {
+namespace {
+
+constexpr int kMostAtoms = 64, kMostOperators = 128;  // as in walk.hpp
+constexpr double kFloat = kUnitRoundoff<float>;
+
+double norm(const double row[3]) { return std::hypot(row[0], row[1], row[2]); }
+
+bool is_similarity(const Mat3& m) {
+  const double scale = dot(m.col[0], m.col[0]);
+  const auto small = [&](double x) { return std::fabs(x) <= 8 * kUnitRoundoff<double> * scale; };
+  return small(dot(m.col[1], m.col[1]) - scale) && small(dot(m.col[2], m.col[2]) - scale) &&
+         small(dot(m.col[0], m.col[1])) && small(dot(m.col[0], m.col[2])) && small(dot(m.col[1], m.col[2]));
+}
+
+AtomKind slab_of(int axis) { return static_cast<AtomKind>(static_cast<int>(AtomKind::SlabX) + axis); }
+
+}  // namespace
+
+class Structure::Builder {
+ public:
+  Builder(Structure& out, const CsgTree& tree, const Octree& octree, bool tight)
+      : out_(out), tree_(tree), octree_(octree), tight_(tight), pads_(pads_around(tree.numerics().precision)),
+        classifier_(tree, pads_) {
+    const Box& world = octree.world();
+    unit_ = std::ldexp(1.0, std::ilogb(tree.size()));
+    middle_ = world.center();
+    pad_ = pads_ * tree.pad();
+    Model& model = out.model_;
+    for (int axis = 0; axis < 3; ++axis) model.centre[axis] = middle_[axis];
+    model.per_unit = 1 / unit_;
+    model.radius = (length(world.half()) + pad_) / unit_ * (1 + 0x1p-20);
+    model.band = tree.tolerances().band(Vec3{tree.size(), 0, 0}, 1) / unit_;
+    model.window = static_cast<float>(pad_ / 16 / unit_);
+    for (const Leaf& leaf : tree.leaves()) out.frames_.push_back(frame_of(leaf));
+    if (std::optional<Node> root = build(octree.root(), world)) {
+      if (out.nodes_.empty()) out.nodes_.push_back({});
+      out.nodes_[0] = *root;
+    }
+  }
+
+ private:
+  Frame frame_of(const Leaf& leaf) const {
+    double per_size[3] = {1, 1, 1};
+    Frame frame{};
+    const double* size = leaf.size;
+    switch (leaf.kind) {
+      case Kind::Sphere:
+        for (double& s : per_size) s = 1 / size[0];
+        break;
+      case Kind::Block:
+        for (int i = 0; i < 3; ++i) per_size[i] = 1 / size[i];
+        break;
+      case Kind::Cylinder:
+        per_size[0] = per_size[1] = 1 / size[0], per_size[2] = 1 / size[1];
+        break;
+      case Kind::Cone: {
+        const double widest = std::max(size[0], size[1]);
+        per_size[0] = per_size[1] = 1 / widest, per_size[2] = 1 / size[2];
+        frame.shape[0] = static_cast<float>((size[0] + size[1]) / 2 / widest);
+        frame.shape[1] = static_cast<float>((size[1] - size[0]) / 2 / widest);
+        break;
+      }
+      case Kind::Torus:
+        for (double& s : per_size) s = 1 / size[0];
+        frame.shape[0] = static_cast<float>(size[1] / size[0]);
+        break;
+    }
+    const Vec3 offset = (1 / unit_) * (leaf.world_from_local.offset - middle_);
+    for (int i = 0; i < 3; ++i) {
+      frame.offset[i] = offset[i];
+      for (int j = 0; j < 3; ++j) {
+        frame.row[i][j] = per_size[i] * unit_ * leaf.local_from_world.col[j][i];
+        frame.narrow[i][j] = static_cast<float>(frame.row[i][j]);
+      }
+    }
+    if (leaf.kind == Kind::Sphere && is_similarity(leaf.local_from_world)) {
+      // A ball needs no turning.
+      const double per_radius = norm(frame.row[0]);
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
+      frame.shape[0] = static_cast<float>(per_radius);
+    }
+    return frame;
+  }
+
+  /// The node of a link of the octree; none if there is nothing to be found in it. Children are laid
+  /// before their parent.
+  std::optional<Node> build(Octree::Link link, const Box& box) {
+    if (octree_.is_cell(link)) {
+      const csg::Cell cell = octree_.cell(link);
+      if (!cell.is_partial()) return std::nullopt;
+      return leaf(octree_.trees().tree(cell.tree()), box);
+    }
+    std::vector<Node> children;
+    unsigned octants = 0;
+    for (int child = 0; child < 8; ++child) {
+      if (std::optional<Node> made = build(octree_.child(link, child), Octree::child_box(box, child))) {
+        octants |= 1u << child;
+        children.push_back(*made);
+      }
+    }
+    if (children.empty()) return std::nullopt;
+    if (children.size() == 1) return children[0];
+    Node node = children[0];
+    for (const Node& child : children) {
+      for (int axis = 0; axis < 3; ++axis) {
+        node.lo[axis] = std::min(node.lo[axis], child.lo[axis]);
+        node.hi[axis] = std::max(node.hi[axis], child.hi[axis]);
+      }
+    }
+    if (out_.nodes_.empty()) out_.nodes_.push_back({});  // the place of the root
+    node.octants = octants;
+    node.link = static_cast<std::int32_t>(out_.nodes_.size());
+    out_.nodes_.insert(out_.nodes_.end(), children.begin(), children.end());
+    return node;
+  }
+
+  /// The part of a cell where its tree is not constant: by the S-bound of its root, then slice by slice.
+  Box tighten(TreeView tree, Box box) {
+    sbounds(tree_, tree, box, SBoundPasses::One, bounds_);
+    box = intersection(box, bounds_[0]);
+    if (box.empty()) return box;
+    constexpr double kLeast = 1.0 / 16;
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const bool low : {true, false}) {
+        const double whole = box.hi[axis] - box.lo[axis];
+        for (double step = whole / 2; step >= kLeast * whole && step < box.hi[axis] - box.lo[axis]; step /= 2) {
+          Box slice = box;
+          (low ? slice.hi : slice.lo)[axis] = low ? box.lo[axis] + step : box.hi[axis] - step;
+          if (classifier_.localize(tree, slice, localized_) != Class::Partial)
+            (low ? box.lo : box.hi)[axis] = (low ? slice.hi : slice.lo)[axis];
+        }
+      }
+    }
+    return box;
+  }
+
+  std::optional<Node> leaf(TreeView tree, const Box& cell) {
+    Box box = tight_ ? tighten(tree, cell) : cell;
+    if (box.empty()) return std::nullopt;
+    std::vector<TreeNode> kept;
+    if (classifier_.localize(tree, box, kept) != Class::Partial) return std::nullopt;
+    Node node{};
+    const Box entered = box.padded(pad_ / 2);
+    for (int axis = 0; axis < 3; ++axis) {
+      node.lo[axis] = static_cast<float>((entered.lo[axis] - middle_[axis]) / unit_);
+      node.hi[axis] = static_cast<float>((entered.hi[axis] - middle_[axis]) / unit_);
+    }
+    node.link = static_cast<std::int32_t>(out_.cells_.size());
+    out_.cells_.push_back(cell_of(kept, box));
+    return node;
+  }
+
+  Cell cell_of(const std::vector<TreeNode>& tree, const Box& box) {
+    Cell cell{};
+    const Vec3 centre = (1 / unit_) * (box.center() - middle_);
+    for (int axis = 0; axis < 3; ++axis) cell.centre[axis] = centre[axis];
+    const double reach = length(box.padded(pad_).half()) / unit_;
+    cell.first_atom = static_cast<std::uint32_t>(out_.atoms_.size());
+    cell.first_operator = static_cast<std::uint32_t>(out_.operators_.size());
+    cell.trusted = true;
+
+    // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
+    // atoms the solid is cut by.
+    struct Made {
+      std::uint16_t slot;   // of the operator that its operands feed
+      bool inverts;         // whether its value is the complement of that operator's
+      bool negative;
+    };
+    std::vector<Made> made(tree.size());
+    std::vector<Operator> operators;
+    const auto add_operator = [&](std::uint16_t parent, bool flip) {
+      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0)});
+      return static_cast<std::uint16_t>(operators.size() - 1);
+    };
+    for (std::size_t i = 0; i < tree.size() && cell.trusted; ++i) {
+      const TreeNode& node = tree[i];
+      const bool root = i == 0;
+      const Made above = root ? Made{0, false, false} : made[node.parent()];
+      const bool negative = above.negative != node.complemented();
+      // Whether the operand is complemented where it feeds the operator above.
+      const bool flip = node.complemented() != above.inverts;
+      if (!node.is_leaf()) {
+        const bool inverts = !node.is_union();
+        if (!root && flip == inverts)  // an operand that is a union where a union is made
+          made[i] = {above.slot, inverts, negative};
+        else
+          made[i] = {add_operator(above.slot, flip != inverts), inverts, negative};
+        continue;
+      }
+      std::uint16_t slot = above.slot;
+      bool atom_flip = flip;
+      if (root) slot = add_operator(0, false);
+      const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
+      AtomKind kinds[3];
+      const int count = atoms_of(leaf, box, kinds);
+      if (count > 1) {  // an intersection of atoms, where unions are made
+        if (!flip) slot = add_operator(slot, true);
+        atom_flip = true;
+      }
+      for (int k = 0; k < count; ++k) add_atom(cell, leaf, node.leaf(), kinds[k], slot, atom_flip, negative, centre, reach);
+      if (count == 0) cell.trusted = false;
+    }
+    const auto last = static_cast<std::uint16_t>(operators.size() - 1);
+    cell.atoms = static_cast<std::uint16_t>(out_.atoms_.size() - cell.first_atom);
+    cell.operators = static_cast<std::uint16_t>(operators.size());
+    if (cell.atoms > kMostAtoms || cell.operators > kMostOperators) cell.trusted = false;
+    if (!cell.trusted) {
+      out_.atoms_.resize(cell.first_atom);
+      return cell;
+    }
+    for (std::size_t i = cell.first_atom; i < out_.atoms_.size(); ++i)
+      out_.atoms_[i].parent = static_cast<std::uint16_t>(last - out_.atoms_[i].parent);
+    for (std::size_t i = operators.size(); i-- > 0;)
+      out_.operators_.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip});
+    return cell;
+  }
+
+  /// The atoms of a leaf that cut the box; those that hold all of it are dropped.
+  int atoms_of(const Leaf& leaf, const Box& box, AtomKind kinds[3]) const {
+    switch (leaf.kind) {
+      case Kind::Sphere:
+        kinds[0] = is_similarity(leaf.local_from_world) ? AtomKind::Ball : AtomKind::Ellipsoid;
+        return 1;
+      case Kind::Torus:
+        kinds[0] = AtomKind::Torus;
+        return 1;
+      case Kind::Cone:
+        kinds[0] = AtomKind::Cone;
+        return 1;
+      case Kind::Block:
+      case Kind::Cylinder:
+        break;
+    }
+    const Box padded = box.padded(pads_ * leaf.pad);
+    double most[3] = {0, 0, 0}, round = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vec3 p = to_local(leaf, {corner & 1 ? padded.hi.x : padded.lo.x, corner & 2 ? padded.hi.y : padded.lo.y,
+                                     corner & 4 ? padded.hi.z : padded.lo.z});
+      for (int axis = 0; axis < 3; ++axis) most[axis] = std::max(most[axis], std::fabs(p[axis]));
+      round = std::max(round, std::hypot(p.x, p.y));
+    }
+    int count = 0;
+    if (leaf.kind == Kind::Cylinder) {
+      if (!(round < leaf.size[0])) kinds[count++] = AtomKind::Tube;
+      if (!(most[2] < leaf.size[1])) kinds[count++] = AtomKind::SlabZ;
+    } else {
+      for (int axis = 0; axis < 3; ++axis)
+        if (!(most[axis] < leaf.size[axis])) kinds[count++] = slab_of(axis);
+    }
+    return count;
+  }
+
+  void add_atom(Cell& cell, const Leaf& leaf, std::int32_t number, AtomKind kind, std::uint16_t slot, bool flip,
+                bool negative, const Vec3& centre, double reach) {
+    const Frame& frame = out_.frames_[static_cast<std::size_t>(number)];
+    Atom atom{};
+    atom.kind = kind;
+    atom.leaf = number;
+    atom.parent = slot;
+    atom.flip = flip ? 0xffff : 0;
+    atom.negative = negative;
+    const int first = kind == AtomKind::SlabY ? 1 : kind == AtomKind::SlabZ ? 2 : 0;
+    const int last = kind == AtomKind::SlabX ? 1 : kind == AtomKind::SlabY || kind == AtomKind::Tube ? 2 : 3;
+    double error = 0, far = 0;
+    for (int i = 0; i < 3; ++i) {
+      double c = 0;
+      for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
+      atom.centre[i] = static_cast<float>(c);
+      if (i < first || i >= last) continue;
+      const double extent = norm(frame.row[i]) * reach + std::fabs(c);
+      error = std::hypot(error, 8 * kFloat * extent);
+      far = std::hypot(far, extent);
+    }
+    error += 0x1p-48 * leaf.condition;
+    const double window = static_cast<double>(out_.model_.window);
+    if (kind == AtomKind::Torus) {
+      // What rounding does to the quartic (|x|² + 1 − r²)² − 4ρ², and what its argument's error does.
+      const double minor = leaf.size[1] / leaf.size[0], sum = far * far + 1;
+      atom.size = static_cast<float>(16 * kFloat * sum * sum + 4 * far * sum * error);
+      // A tube hardly thicker than the window has no slope to speak of.
+      if (minor < 64 * window * norm(frame.row[0])) cell.trusted = false;
+    } else {
+      error = (kind == AtomKind::Cone ? 4 : 1) * error + 4 * kFloat;
+      atom.size = static_cast<float>(negative ? 1 - error : 1 + error);
+      atom.graze = static_cast<float>(4 * error / window);
+    }
+    if (!(error < 0x1p-8)) cell.trusted = false;
+    out_.atoms_.push_back(atom);
+  }
+
+  Structure& out_;
+  const CsgTree& tree_;
+  const Octree& octree_;
+  bool tight_;
+  int pads_;
+  CellClassifier classifier_;
+  double unit_ = 1, pad_ = 0;
+  Vec3 middle_;
+  std::vector<Box> bounds_;
+  std::vector<TreeNode> localized_;
+};
+
+Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight) {
+  Builder(*this, tree, octree, tight);
+  nodes_.shrink_to_fit(), cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
+  model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
+  model_.operators = operators_.data(), model_.frames = frames_.data();
+}
+
+std::size_t Structure::bytes() const {
+  return nodes_.size() * sizeof(Node) + cells_.size() * sizeof(Cell) + atoms_.size() * sizeof(Atom) +
+         operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
+}
+
+void Structure::describe(std::map<std::string, double>& facts) const {
+  std::size_t untrusted = 0;
+  for (const Cell& cell : cells_) untrusted += !cell.trusted;
+  facts["packet_cells"] = static_cast<double>(cells_.size());
+  facts["untrusted_cells"] = static_cast<double>(untrusted);
+  facts["mean_atoms"] = cells_.empty() ? 0 : static_cast<double>(atoms_.size()) / static_cast<double>(cells_.size());
+}
+
+}  // namespace csg::packets

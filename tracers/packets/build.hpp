@@ -1,0 +1,37 @@
+// From an octree of localized trees to what packets walk through: tight boxes, and atoms.
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "../structures/octree.hpp"
+#include "packet_model.hpp"
+
+namespace csg::packets {
+
+/// Classes of cells hold for boxes this many times P larger than those that rays enter by.
+inline int pads_around(Precision precision) { return precision == Precision::Float64 ? 32 : 4; }
+
+/// The model of a CsgTree for packets. Owns what Model points to.
+class Structure {
+ public:
+  /// `tight`: shrink the cells' boxes to where their trees are not constant.
+  Structure(const CsgTree& tree, const Octree& octree, bool tight);
+
+  const Model& model() const { return model_; }
+  bool empty() const { return nodes_.empty(); }
+  std::size_t bytes() const;
+  void describe(std::map<std::string, double>& facts) const;
+
+ private:
+  class Builder;
+
+  std::vector<Node> nodes_;
+  std::vector<Cell> cells_;
+  std::vector<Atom> atoms_;
+  std::vector<Operator> operators_;
+  std::vector<Frame> frames_;
+  Model model_{};
+};
+
+}  // namespace csg::packets

@@ -1,0 +1,90 @@
+// What packets of rays walk through: plain numbers, so that the code for each instruction set shares no
+// inline function with the rest (see walk.hpp).
+//
+// Lengths are in units of a power of two near the model's size, from the middle of the world.
+#pragma once
+#include <cstdint>
+
+namespace csg::packets {
+
+/// A box with its octants, or with a cell.
+struct Node {
+  float lo[3], hi[3];
+  std::int32_t link;       ///< the first child's node, or the cell
+  std::uint32_t octants;   ///< one bit for each child, which stand in their order; 0 for a cell
+};
+
+/// A primitive is the intersection of its atoms, of which a cell keeps those that cut it.
+enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ, Cone, Torus };
+
+/// An atom in a cell. Its frame is that of the leaf, scaled so that the atom's size is 1.
+struct Atom {
+  float centre[3];     ///< the cell's centre in the frame
+  float size;          ///< 1 and the rounding, as a larger atom if it adds to the solid, else a smaller
+  float graze;         ///< below this speed towards the surface, rounding may move a crossing by W/4
+  std::int32_t leaf;
+  std::uint16_t parent;  ///< operator of the cell that it is an operand of
+  std::uint16_t flip;    ///< all ones if it is complemented there, else 0
+  AtomKind kind;
+  bool negative;  ///< whether the solid shrinks where the atom grows
+};
+
+/// acc[parent] |= acc[this] ^ flip: unions and complements are enough. Operands come first; the last
+/// operator is the root, whose parent is itself.
+struct Operator {
+  std::uint16_t parent, flip;
+};
+
+struct Cell {
+  double centre[3];
+  std::uint32_t first_atom, first_operator;
+  std::uint16_t atoms, operators;
+  bool trusted;  ///< whether floats can tell anything here
+};
+
+/// The frame of a leaf: local = rows·(p − offset), rows scaled to the leaf's sizes. `narrow` is the
+/// same rounded.
+struct Frame {
+  double row[3][3], offset[3];
+  float narrow[3][3];
+  float shape[2];  ///< cone: radius at the middle and half the difference of the ends; torus: minor/major, –
+};
+
+struct Model {
+  const Node* nodes;
+  const Cell* cells;
+  const Atom* atoms;
+  const Operator* operators;
+  const Frame* frames;
+  double centre[3], per_unit;  ///< of the world, and 1 / unit
+  double radius;  ///< of a ball around the world, in units
+  double band;    ///< tie band of a ray that starts in the world, units
+  float window;   ///< W: float may be wrong by as much about where an atom that is not grazed is crossed
+};
+
+/// Sixteen rays or fewer. `first` points to `count` rays of eight doubles (origin, direction, t_min, t_max),
+/// already prepared.
+struct Rays {
+  const double* first;
+  int count;
+};
+
+/// One bit a ray. Those in neither mask have no boundary.
+struct Answer {
+  std::uint32_t hit, unsure;
+  double t[16];           ///< of `hit`: near the crossing, by less than t_error
+  double t_error[16];
+  std::int32_t leaf[16];  ///< of `hit`: the leaf that is crossed
+};
+
+struct Counts {
+  std::uint64_t cells, boxes, atoms, operators;
+};
+
+/// Finds the first boundary of each ray; `counts` may be null.
+using Walk = void (*)(const Model&, const Rays&, Answer&, Counts* counts);
+
+/// The walk for the widest instruction set that this machine has.
+Walk walk_for_this_machine();
+
+}  // namespace csg::packets

@@ -1,0 +1,130 @@
+// Packet SDSM: sixteen rays at a time through the SDSM octree, in floats that know what they do not know.
+//
+// The octree's cells are those of sdsm. Each is shrunk to where its tree is not constant (the S-bound taken to
+// its end), the boxes above it are refitted, and primitives are split into atoms, so that a cell keeps the side
+// of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
+// leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
+// Parameters: d, h; boxes = tight | cells.
+#include "../packets/build.hpp"
+
+namespace csg {
+namespace {
+
+static_assert(sizeof(Ray) == 8 * sizeof(double));
+
+class PacketSdsm final : public Tracer {
+ public:
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, int d, int h, bool tight)
+      : Tracer(std::move(tree)),
+        octree_(*tree_, {d, h, packets::pads_around(tree_->numerics().precision)}),
+        packets_(*tree_, octree_, tight),
+        walk_(packets::walk_for_this_machine()) {}
+
+  std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
+  std::map<std::string, double> facts() const override {
+    std::map<std::string, double> facts = octree_.facts();
+    packets_.describe(facts);
+    return facts;
+  }
+
+ private:
+  /// Calls `answered(first, answer)` for each packet, whose `first` ray is given.
+  template <class Answered>
+  void in_packets(std::span<const Ray> rays, Counters* counters, Answered answered) const {
+    packets::Counts counts{};
+    packets::Answer answer;
+    for (std::size_t first = 0; first < rays.size(); first += 16) {
+      const auto count = static_cast<int>(std::min<std::size_t>(16, rays.size() - first));
+      answer.hit = answer.unsure = 0;
+      if (!packets_.empty())
+        walk_(packets_.model(), {&rays[first].origin.x, count}, answer, counters ? &counts : nullptr);
+      answered(first, count, answer);
+    }
+    if (counters) {
+      counters->cells_entered += counts.cells;
+      counters->bounds_tested += counts.boxes;
+      counters->primitives_tested += counts.atoms;
+      counters->booleans_evaluated += counts.operators;
+    }
+  }
+
+  void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
+    std::vector<std::size_t> unsure;
+    in_packets(rays, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
+      for (int i = 0; i < count; ++i) {
+        const std::size_t at = first + static_cast<std::size_t>(i);
+        hits[at] = {};
+        if (answer.hit >> i & 1 && settle(rays[at], answer, i, hits[at])) continue;
+        if ((answer.hit | answer.unsure) >> i & 1) unsure.push_back(at);
+      }
+      if (counters) counters->primitives_tested += static_cast<std::uint64_t>(std::popcount(answer.hit));
+    });
+    std::vector<Ray> again;
+    for (const std::size_t at : unsure) again.push_back(rays[at]);
+    std::vector<Hit> found(again.size());
+    trace_cells(*tree_, octree_.world(), octree_.trees(), again, found, counters,
+                [&](auto&&... along) { octree_.walk(along...); });
+    for (std::size_t i = 0; i < unsure.size(); ++i) hits[unsure[i]] = found[i];
+  }
+
+  void occluded_batch(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Counters* counters) const override {
+    std::vector<std::size_t> unsure;
+    in_packets(rays, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
+      for (int i = 0; i < count; ++i) {
+        blocked[first + static_cast<std::size_t>(i)] = answer.hit >> i & 1;
+        if (answer.unsure >> i & 1) unsure.push_back(first + static_cast<std::size_t>(i));
+      }
+    });
+    std::vector<Ray> again;
+    for (const std::size_t at : unsure) again.push_back(rays[at]);
+    std::vector<Hit> found(again.size());
+    trace_cells(*tree_, octree_.world(), octree_.trees(), again, found, counters,
+                [&](auto&&... along) { octree_.walk(along...); });
+    for (std::size_t i = 0; i < unsure.size(); ++i) blocked[unsure[i]] = found[i].leaf >= 0;
+  }
+
+  /// The leaf's crossing near where floats have found it; false if it is not the only one there.
+  bool settle(const Ray& ray, const packets::Answer& answer, int i, Hit& hit) const {
+    const Leaf& leaf = tree_->leaves()[static_cast<std::size_t>(answer.leaf[i])];
+    const Crossings found = crossings(leaf, ray);
+    int at = -1;
+    for (int k = 0; k < found.count; ++k) {
+      if (!(std::fabs(found.t[k] - answer.t[i]) <= answer.t_error[i])) continue;
+      if (at >= 0) return false;
+      at = k;
+    }
+    if (at < 0) return false;
+    const double speed = length(ray.dir);
+    const Facing on = facing(leaf, found.face[at], ray, found.t[at], speed);
+    hit = {found.t[at], on.cosine > 0 ? -on.normal : on.normal, answer.leaf[i]};
+    return true;
+  }
+
+  Octree octree_;
+  packets::Structure packets_;
+  packets::Walk walk_;
+};
+
+std::vector<ParamSpec> packet_params() {
+  std::vector<ParamSpec> params = octree_params();
+  params.push_back({.name = "boxes",
+                    .meaning = "tight: cells shrunk to where their trees are not constant; cells: as the octree has them",
+                    .default_value = std::string("tight"),
+                    .choices = {"tight", "cells"},
+                    .trial_values = {std::string("tight"), std::string("cells")}});
+  return params;
+}
+
+}  // namespace
+
+extern const SchemeInfo scheme_packet_sdsm;
+const SchemeInfo scheme_packet_sdsm{
+    .name = "packet_sdsm",
+    .title = "Packet SDSM (16 rays, tight boxes, atoms)",
+    .params = packet_params(),
+    .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
+      return std::make_unique<PacketSdsm>(std::move(tree), params.integer("d"), params.integer("h"),
+                                          params.choice("boxes") == "tight");
+    }};
+
+}  // namespace csg
