@@ -15,6 +15,15 @@ bool is_ray(const Ray& ray) {
          !std::isnan(ray.t_min) && !std::isnan(ray.t_max);
 }
 
+/// Whether a ray is as schemes want it: near, with a direction whose squares and quotients are in range. All that
+/// preparing it would do is to scale it by a power of two.
+bool is_ready(const Ray& ray, double farthest_squared) {
+  const auto in_range = [](double x) { return x == 0 || (std::fabs(x) >= 0x1p-32 && std::fabs(x) <= 0x1p32); };
+  return in_range(ray.dir.x) && in_range(ray.dir.y) && in_range(ray.dir.z) &&
+         (ray.dir.x != 0 || ray.dir.y != 0 || ray.dir.z != 0) && dot(ray.origin, ray.origin) <= farthest_squared &&
+         !std::isnan(ray.t_min) && !std::isnan(ray.t_max);
+}
+
 /// A ray as schemes get it, and the way back: t = (t' + shift)·2^exponent.
 struct Prepared {
   Ray ray;
@@ -61,16 +70,22 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
   return out;
 }
 
-/// Runs `batch(begin, rays, prepared)` in chunks.
+/// Runs `batch(begin, rays, prepared)` in chunks; `prepared` is empty if the rays were ready.
 template <class Batch>
 void in_chunks(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
   constexpr std::size_t kChunk = 1024;
+  const double farthest = tree.tolerances().farthest_origin();
   std::vector<Prepared> prepared;
   std::vector<Ray> ready;
   for (std::size_t begin = 0; begin < rays.size(); begin += kChunk) {
+    const std::span<const Ray> chunk = rays.subspan(begin, std::min(kChunk, rays.size() - begin));
     prepared.clear();
+    if (std::ranges::all_of(chunk, [&](const Ray& ray) { return is_ready(ray, farthest * farthest); })) {
+      batch(begin, chunk, prepared);
+      continue;
+    }
     ready.clear();
-    for (const Ray& ray : rays.subspan(begin, std::min(kChunk, rays.size() - begin))) {
+    for (const Ray& ray : chunk) {
       prepared.push_back(prepare(tree, ray));
       ready.push_back(prepared.back().ray);
     }
@@ -84,7 +99,7 @@ void Tracer::trace(std::span<const Ray> rays, std::span<Hit> hits, Counters* cou
   in_chunks(*tree_, rays, [&](std::size_t begin, std::span<const Ray> ready, const std::vector<Prepared>& prepared) {
     const std::span<Hit> out = hits.subspan(begin, ready.size());
     trace_batch(ready, out, counters);
-    for (std::size_t i = 0; i < ready.size(); ++i)
+    for (std::size_t i = 0; i < prepared.size(); ++i)
       if (out[i].leaf >= 0) out[i].t = std::ldexp(out[i].t + prepared[i].shift, prepared[i].exponent);
   });
 }

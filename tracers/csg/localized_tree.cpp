@@ -102,12 +102,12 @@ Class Localizer::localize(TreeView tree, std::span<const Class> class_of, std::v
   return Class::Partial;
 }
 
-Class CellClassifier::localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized) {
+Class CellClassifier::localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized, double margin) {
   classes_.clear();
   for (const TreeNode& node : tree) {
     if (!node.is_leaf()) continue;
     const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
-    classes_.push_back(classify(leaf, cell.padded(pads_ * leaf.pad)));
+    classes_.push_back(classify(leaf, cell.padded(leaf.pad + margin)));
   }
   return localizer_.localize(tree, classes_, localized);
 }

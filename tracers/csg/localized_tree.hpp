@@ -71,15 +71,13 @@ class Localizer {
 /// Localizes a tree to a cell, classifying its leaves by their own geometry.
 class CellClassifier {
  public:
-  /// `pads`: classes hold for cells grown by so many times P; rule 9 asks for one.
-  explicit CellClassifier(const CsgTree& tree, int pads = 1) : tree_(tree), pads_(pads) {}
+  explicit CellClassifier(const CsgTree& tree) : tree_(tree) {}
 
-  /// `cell` without pad.
-  Class localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized);
+  /// `cell` without pad; the classes hold for the cell grown by P (rule 9) and by `margin`.
+  Class localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized, double margin = 0);
 
  private:
   const CsgTree& tree_;
-  int pads_;
   Localizer localizer_;
   std::vector<Class> classes_;
 };

@@ -26,18 +26,15 @@ AtomKind slab_of(int axis) { return static_cast<AtomKind>(static_cast<int>(AtomK
 class Structure::Builder {
  public:
   Builder(Structure& out, const CsgTree& tree, const Octree& octree, bool tight)
-      : out_(out), tree_(tree), octree_(octree), tight_(tight), pads_(pads_around(tree.numerics().precision)),
-        classifier_(tree, pads_) {
+      : out_(out), tree_(tree), octree_(octree), tight_(tight), classifier_(tree) {
     const Box& world = octree.world();
     unit_ = std::ldexp(1.0, std::ilogb(tree.size()));
     middle_ = world.center();
-    pad_ = pads_ * tree.pad();
     Model& model = out.model_;
     for (int axis = 0; axis < 3; ++axis) model.centre[axis] = middle_[axis];
     model.per_unit = 1 / unit_;
-    model.radius = (length(world.half()) + pad_) / unit_ * (1 + 0x1p-20);
+    model.radius = length(world.half()) / unit_ * (1 + kMargin);
     model.band = tree.tolerances().band(Vec3{tree.size(), 0, 0}, 1) / unit_;
-    model.window = static_cast<float>(pad_ / 16 / unit_);
     for (const Leaf& leaf : tree.leaves()) out.frames_.push_back(frame_of(leaf));
     if (std::optional<Node> root = build(octree.root(), world)) {
       if (out.nodes_.empty()) out.nodes_.push_back({});
@@ -63,13 +60,13 @@ class Structure::Builder {
       case Kind::Cone: {
         const double widest = std::max(size[0], size[1]);
         per_size[0] = per_size[1] = 1 / widest, per_size[2] = 1 / size[2];
-        frame.shape[0] = static_cast<float>((size[0] + size[1]) / 2 / widest);
-        frame.shape[1] = static_cast<float>((size[1] - size[0]) / 2 / widest);
+        frame.shape[0] = (size[0] + size[1]) / 2 / widest;
+        frame.shape[1] = (size[1] - size[0]) / 2 / widest;
         break;
       }
       case Kind::Torus:
         for (double& s : per_size) s = 1 / size[0];
-        frame.shape[0] = static_cast<float>(size[1] / size[0]);
+        frame.shape[0] = size[1] / size[0];
         break;
     }
     const Vec3 offset = (1 / unit_) * (leaf.world_from_local.offset - middle_);
@@ -85,8 +82,9 @@ class Structure::Builder {
       const double per_radius = norm(frame.row[0]);
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
-      frame.shape[0] = static_cast<float>(per_radius);
+      frame.shape[0] = per_radius;
     }
+    for (int i = 0; i < 2; ++i) frame.narrow_shape[i] = static_cast<float>(frame.shape[i]);
     return frame;
   }
 
@@ -134,7 +132,7 @@ class Structure::Builder {
         for (double step = whole / 2; step >= kLeast * whole && step < box.hi[axis] - box.lo[axis]; step /= 2) {
           Box slice = box;
           (low ? slice.hi : slice.lo)[axis] = low ? box.lo[axis] + step : box.hi[axis] - step;
-          if (classifier_.localize(tree, slice, localized_) != Class::Partial)
+          if (classifier_.localize(tree, slice, localized_, margin_) != Class::Partial)
             (low ? box.lo : box.hi)[axis] = (low ? slice.hi : slice.lo)[axis];
         }
       }
@@ -143,12 +141,13 @@ class Structure::Builder {
   }
 
   std::optional<Node> leaf(TreeView tree, const Box& cell) {
+    margin_ = kMargin * cell.half().x;
     Box box = tight_ ? tighten(tree, cell) : cell;
     if (box.empty()) return std::nullopt;
     std::vector<TreeNode> kept;
-    if (classifier_.localize(tree, box, kept) != Class::Partial) return std::nullopt;
+    if (classifier_.localize(tree, box, kept, margin_) != Class::Partial) return std::nullopt;
     Node node{};
-    const Box entered = box.padded(pad_ / 2);
+    const Box entered = box.padded(margin_ / 2);
     for (int axis = 0; axis < 3; ++axis) {
       node.lo[axis] = static_cast<float>((entered.lo[axis] - middle_[axis]) / unit_);
       node.hi[axis] = static_cast<float>((entered.hi[axis] - middle_[axis]) / unit_);
@@ -162,10 +161,12 @@ class Structure::Builder {
     Cell cell{};
     const Vec3 centre = (1 / unit_) * (box.center() - middle_);
     for (int axis = 0; axis < 3; ++axis) cell.centre[axis] = centre[axis];
-    const double reach = length(box.padded(pad_).half()) / unit_;
+    const double reach = length(box.padded(margin_).half()) / unit_;
     cell.first_atom = static_cast<std::uint32_t>(out_.atoms_.size());
     cell.first_operator = static_cast<std::uint32_t>(out_.operators_.size());
-    cell.trusted = true;
+    cell.window = static_cast<float>(margin_ / 32 / unit_);
+    // The window must hold what crossings and tie bands may be off by, in double.
+    cell.trusted = margin_ / 32 > tree_.pad();
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
     // atoms the solid is cut by.
@@ -232,29 +233,31 @@ class Structure::Builder {
       case Kind::Torus:
         kinds[0] = AtomKind::Torus;
         return 1;
-      case Kind::Cone:
-        kinds[0] = AtomKind::Cone;
-        return 1;
       case Kind::Block:
       case Kind::Cylinder:
+      case Kind::Cone:
         break;
     }
-    const Box padded = box.padded(pads_ * leaf.pad);
-    double most[3] = {0, 0, 0}, round = 0;
+    const Box padded = box.padded(leaf.pad + margin_);
+    const double* size = leaf.size;
+    double most[3] = {0, 0, 0};
+    bool enclosed = true;  // by the side, if it is round: then by its corners
     for (int corner = 0; corner < 8; ++corner) {
       const Vec3 p = to_local(leaf, {corner & 1 ? padded.hi.x : padded.lo.x, corner & 2 ? padded.hi.y : padded.lo.y,
                                      corner & 4 ? padded.hi.z : padded.lo.z});
       for (int axis = 0; axis < 3; ++axis) most[axis] = std::max(most[axis], std::fabs(p[axis]));
-      round = std::max(round, std::hypot(p.x, p.y));
+      const double radius =
+          leaf.kind == Kind::Cone ? (size[0] + size[1]) / 2 + (size[1] - size[0]) / (2 * size[2]) * p.z : size[0];
+      enclosed = enclosed && radius > 0 && p.x * p.x + p.y * p.y < radius * radius;
     }
     int count = 0;
-    if (leaf.kind == Kind::Cylinder) {
-      if (!(round < leaf.size[0])) kinds[count++] = AtomKind::Tube;
-      if (!(most[2] < leaf.size[1])) kinds[count++] = AtomKind::SlabZ;
-    } else {
+    if (leaf.kind == Kind::Block) {
       for (int axis = 0; axis < 3; ++axis)
-        if (!(most[axis] < leaf.size[axis])) kinds[count++] = slab_of(axis);
+        if (!(most[axis] < size[axis])) kinds[count++] = slab_of(axis);
+      return count;
     }
+    if (!enclosed) kinds[count++] = leaf.kind == Kind::Cone ? AtomKind::Wall : AtomKind::Tube;
+    if (!(most[2] < size[leaf.kind == Kind::Cone ? 2 : 1])) kinds[count++] = AtomKind::SlabZ;
     return count;
   }
 
@@ -275,20 +278,24 @@ class Structure::Builder {
       for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
       atom.centre[i] = static_cast<float>(c);
       if (i < first || i >= last) continue;
+      // A wall feels an error of z by its slope only.
+      const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
       const double extent = norm(frame.row[i]) * reach + std::fabs(c);
-      error = std::hypot(error, 8 * kFloat * extent);
+      error = std::hypot(error, 8 * kFloat * weight * extent);
       far = std::hypot(far, extent);
     }
     error += 0x1p-48 * leaf.condition;
-    const double window = static_cast<double>(out_.model_.window);
+    const double window = static_cast<double>(cell.window);
     if (kind == AtomKind::Torus) {
-      // What rounding does to the quartic (|x|² + 1 − r²)² − 4ρ², and what its argument's error does.
-      const double minor = leaf.size[1] / leaf.size[0], sum = far * far + 1;
-      atom.size = static_cast<float>(16 * kFloat * sum * sum + 4 * far * sum * error);
+      // The line may be off by `error`; that costs the slope at the surface, 8 r. The rest is rounding of the
+      // quartic's coefficients, of which the first is small where the torus is near.
+      const double minor = leaf.size[1] / leaf.size[0], along = norm(frame.row[0]) * reach;
+      const double near = 1.5 * along + minor;
+      atom.size = static_cast<float>(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
       // A tube hardly thicker than the window has no slope to speak of.
-      if (minor < 64 * window * norm(frame.row[0])) cell.trusted = false;
+      if (minor < 16 * window * norm(frame.row[0])) cell.trusted = false;
     } else {
-      error = (kind == AtomKind::Cone ? 4 : 1) * error + 4 * kFloat;
+      error = (kind == AtomKind::Wall ? 4 : 1) * error + 4 * kFloat;
       atom.size = static_cast<float>(negative ? 1 - error : 1 + error);
       atom.graze = static_cast<float>(4 * error / window);
     }
@@ -300,9 +307,8 @@ class Structure::Builder {
   const CsgTree& tree_;
   const Octree& octree_;
   bool tight_;
-  int pads_;
   CellClassifier classifier_;
-  double unit_ = 1, pad_ = 0;
+  double unit_ = 1, margin_ = 0;
   Vec3 middle_;
   std::vector<Box> bounds_;
   std::vector<TreeNode> localized_;

@@ -9,8 +9,9 @@
 
 namespace csg::packets {
 
-/// Classes of cells hold for boxes this many times P larger than those that rays enter by.
-inline int pads_around(Precision precision) { return precision == Precision::Float64 ? 32 : 4; }
+/// Around a cell, its tree holds for this many halves of its side: half of it is given to the boxes that rays
+/// enter by, and a 32nd to what floats may be wrong by.
+inline constexpr double kMargin = 0x1p-4;
 
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {

@@ -15,7 +15,8 @@ struct Node {
 };
 
 /// A primitive is the intersection of its atoms, of which a cell keeps those that cut it.
-enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ, Cone, Torus };
+/// All convex but the torus. A wall is a cone without its caps.
+enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ, Wall, Torus };
 
 /// An atom in a cell. Its frame is that of the leaf, scaled so that the atom's size is 1.
 struct Atom {
@@ -39,6 +40,7 @@ struct Cell {
   double centre[3];
   std::uint32_t first_atom, first_operator;
   std::uint16_t atoms, operators;
+  float window;  ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
   bool trusted;  ///< whether floats can tell anything here
 };
 
@@ -46,8 +48,8 @@ struct Cell {
 /// same rounded.
 struct Frame {
   double row[3][3], offset[3];
-  float narrow[3][3];
-  float shape[2];  ///< cone: radius at the middle and half the difference of the ends; torus: minor/major, –
+  double shape[2];  ///< ball: 1/radius. Wall: radius at the middle, half the difference of the ends. Torus: minor/major
+  float narrow[3][3], narrow_shape[2];
 };
 
 struct Model {
@@ -59,7 +61,6 @@ struct Model {
   double centre[3], per_unit;  ///< of the world, and 1 / unit
   double radius;  ///< of a ball around the world, in units
   double band;    ///< tie band of a ray that starts in the world, units
-  float window;   ///< W: float may be wrong by as much about where an atom that is not grazed is crossed
 };
 
 /// Sixteen rays or fewer. `first` points to `count` rays of eight doubles (origin, direction, t_min, t_max),

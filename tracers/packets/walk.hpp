@@ -10,6 +10,12 @@
 #include "lanes.hpp"
 #include "packet_model.hpp"
 
+#ifdef WHY
+extern "C" long why[16];
+#define COUNT(i,m) why[i]+=count_of(m)
+#else
+#define COUNT(i,m) (void)(m)
+#endif
 namespace {
 
 using namespace csg::packets;
@@ -83,23 +89,27 @@ inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& 
   return less(magnitude(inside), all(atom.graze * atom.graze * radius * radius));
 }
 
-inline Mask slab_span(const Atom& atom, const float row[3], float centre, const Passage& in, F& lo, F& hi) {
-  const F z = apply(row, in.p) + centre, v = away_from_zero(apply(row, in.d));
+/// |z| ≤ 1 along z + s·v. Grazed where a face that is nearly parallel to the ray is met in the cell.
+inline Mask slab(const Atom& atom, F z, F v, const Passage& in, F& lo, F& hi) {
+  v = away_from_zero(v);
   const F inverse = 1.0f / v, middle = -z * inverse, half = atom.size * magnitude(inverse);
   lo = middle - half;
   hi = middle + half;
-  Mask grazed = less(magnitude(v), all(atom.graze));
-  if (grazed & in.lanes) [[unlikely]] {
-    const F spare = in.exit - in.enter + all(1e-3f);
-    grazed &= (less(in.enter - spare, lo) & less(lo, in.exit + spare)) |
-              (less(in.enter - spare, hi) & less(hi, in.exit + spare));
+  Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
+  if (grazed) [[unlikely]] {
+    const F spare = in.exit - in.enter, from = in.enter - spare, to = in.exit + spare;
+    grazed &= (less(from, lo) & less(lo, to)) | (less(from, hi) & less(hi, to));
   }
   return grazed;
 }
 
-/// The whole cone between its caps. The quadric's roots; a line steeper than the wall has one of the two
-/// in the cone's own half.
-inline Mask cone_span(const Atom& atom, const Frame& frame, const Passage& in, F& lo, F& hi) {
+inline Mask slab_span(const Atom& atom, const float row[3], float centre, const Passage& in, F& lo, F& hi) {
+  return slab(atom, apply(row, in.p) + centre, apply(row, in.d), in, lo, hi);
+}
+
+/// ρ ≤ w where w ≥ 0, from the roots of ρ² − w². A line flatter than the wall is inside between them, if that
+/// is on the side of the apex where w ≥ 0; a steeper one outside of them, and one root is on that side.
+inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F& lo, F& hi) {
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
     x[i] = apply(frame.narrow[i], in.p) + atom.centre[i];
@@ -107,8 +117,8 @@ inline Mask cone_span(const Atom& atom, const Frame& frame, const Passage& in, F
   }
   const F vv = max(dot3(v, v), all(1e-16f)), middle = -dot3(x, v) / vv;
   for (int i = 0; i < 3; ++i) x[i] += middle * v[i];
-  const float more = atom.size - 1;
-  const F w = x[2] * frame.shape[1] + (frame.shape[0] + more), dw = v[2] * frame.shape[1];
+  const float slope = frame.narrow_shape[1];
+  const F w = x[2] * slope + (frame.narrow_shape[0] + (atom.size - 1)), dw = v[2] * slope;
   const F a = v[0] * v[0] + v[1] * v[1] - dw * dw;
   const F b = x[0] * v[0] + x[1] * v[1] - w * dw;
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
@@ -116,16 +126,11 @@ inline Mask cone_span(const Atom& atom, const Frame& frame, const Passage& in, F
   const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
   const F first = min(s, t), second = max(s, t);
-  // Flat: between the roots. Steep: behind the second if the cone opens along the ray, else before the first.
-  const Mask steep = less(a, F{}), opens = less(F{}, dw), met = less(F{}, inside);
-  const F wall_lo = select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
-  const F wall_hi = select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
-  const F vz = away_from_zero(v[2]), inverse = 1.0f / vz, centre = -x[2] * inverse, half = atom.size * magnitude(inverse);
-  lo = middle + max(wall_lo, centre - half);
-  hi = middle + min(wall_hi, centre + half);
-  const F flat = magnitude(a) / vv;
-  return less(magnitude(inside), all(atom.graze * atom.graze)) | less(magnitude(v[2]), all(atom.graze)) |
-         less(flat, all(1e-4f));
+  const Mask steep = less(a, F{}), opens = less(F{}, dw);
+  const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
+  lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
+  hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
+  return less(magnitude(inside), all(atom.graze * atom.graze)) | less(magnitude(a), 1e-4f * vv);
 }
 
 /// Crossings of a torus: where its quartic along the ray changes sign between the ends of the cell.
@@ -170,7 +175,7 @@ struct Quartic {
       lo = select(left & 0xffff, s, lo);
       hi = select(left & 0xffff, hi, s);
       const F next = s - value / away_from_zero(slope(s));
-      s = select(less(lo, next) & less(next, hi), next, 0.5f * (lo + hi));
+      s = select(at_most(lo, next) & at_most(next, hi), next, 0.5f * (lo + hi));
     }
     return s;
   }
@@ -185,11 +190,13 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     v[i] = apply(frame.narrow[i], in.d);
     x[i] = apply(frame.narrow[i], in.p) + atom.centre[i] + middle * v[i];
   }
-  const float minor = frame.shape[0];
+  const float minor = frame.narrow_shape[0];
   const F xx = dot3(x, x), alpha = xx + (1 - minor * minor), beta = 2.0f * dot3(x, v), gamma = dot3(v, v);
   const F q0 = x[0] * x[0] + x[1] * x[1], q1 = 2.0f * (x[0] * v[0] + x[1] * v[1]), q2 = v[0] * v[0] + v[1] * v[1];
   Quartic g;
-  g.c[0] = alpha * alpha - 4.0f * q0;
+  // The two factors of alpha² − 4·rho²: what is small near the tube is computed from what is small.
+  const F rho = root(q0), off = rho - 1.0f;
+  g.c[0] = (off * off + x[2] * x[2] - minor * minor) * (alpha + 2.0f * rho);
   g.c[1] = 2.0f * alpha * beta - 4.0f * q1;
   g.c[2] = beta * beta + 2.0f * alpha * gamma - 4.0f * q2;
   g.c[3] = 2.0f * beta * gamma;
@@ -222,6 +229,7 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     two = rest & once1 & once2 & less(g.at(lowest), -slack) & ~rises;
     rest &= ~two;
   }
+  COUNT(11,rest); COUNT(12, in.lanes); COUNT(13,todo); COUNT(14,told); COUNT(15,two);
   Mask grazed = rest;
   const Mask roots = told | two;
   if (roots) {
@@ -299,26 +307,18 @@ inline void settle_start(const Atom& atom, const Frame& frame, const Packet& pac
       slack = all_double(2 * per_band);
       break;
     case AtomKind::Torus: {
-      const double minor = static_cast<double>(frame.shape[0]);
+      const double minor = frame.shape[0];
       const D alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + all_double(1 - minor * minor);
       g = alpha * alpha - all_double(4) * (x[0] * x[0] + x[1] * x[1]);
       slope = all_double(4) * (alpha * (x[0] * v[0] + x[1] * v[1] + x[2] * v[2]) - two * (x[0] * v[0] + x[1] * v[1]));
-      slack = all_double(32 * per_band);
+      slack = all_double(16 * minor * per_band + 0x1p-46);
       break;
     }
-    case AtomKind::Cone: {
-      // The larger of two convex functions: of the wall, and of the caps.
+    case AtomKind::Wall: {
       const D rho = square_root(x[0] * x[0] + x[1] * x[1]);
-      const double half_slope = static_cast<double>(frame.shape[1]);
-      const D wall = rho - all_double(static_cast<double>(frame.shape[0])) - all_double(half_slope) * x[2];
-      const D wall_slope = (x[0] * v[0] + x[1] * v[1]) / rho - all_double(half_slope) * v[2];
-      const D cap = x[2] * x[2] - all_double(1), cap_slope = two * x[2] * v[2];
+      g = rho - all_double(frame.shape[0]) - all_double(frame.shape[1]) * x[2];
+      slope = (x[0] * v[0] + x[1] * v[1]) / rho - all_double(frame.shape[1]) * v[2];
       slack = all_double(2 * per_band);
-      for (int i = 0; i < kLanes; ++i) {
-        const bool by_wall = lane(wall, i) > lane(cap, i);
-        set_lane(g, i, by_wall ? lane(wall, i) : lane(cap, i));
-        set_lane(slope, i, by_wall ? lane(wall_slope, i) : lane(cap_slope, i));
-      }
       break;
     }
   }
@@ -390,7 +390,7 @@ class Walker {
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
     if (!cell.trusted) {
-      answer_.unsure |= lanes;
+      COUNT(0,lanes);answer_.unsure |= lanes;
       active_ &= ~lanes;
       return;
     }
@@ -403,7 +403,7 @@ class Walker {
     in.enter = enter - nearest;
     in.exit = exit - nearest;
     in.start = -nearest;
-    const F window = all(model_.window);
+    const F window = all(cell.window);
     in.near_start = lanes & packet_.in_world & less(enter, window);
 
     const Atom* atoms = model_.atoms + cell.first_atom;
@@ -417,7 +417,7 @@ class Walker {
       Mask graze = 0;
       switch (atom.kind) {
         case AtomKind::Ball:
-          graze = ball_span(atom, frame.shape[0], in, lo, hi);
+          graze = ball_span(atom, frame.narrow_shape[0], in, lo, hi);
           break;
         case AtomKind::Ellipsoid:
           graze = round_span<3>(atom, frame.narrow, in, lo, hi);
@@ -434,11 +434,11 @@ class Walker {
         case AtomKind::SlabZ:
           graze = slab_span(atom, frame.narrow[2], atom.centre[2], in, lo, hi);
           break;
-        case AtomKind::Cone:
-          graze = cone_span(atom, frame, in, lo, hi);
+        case AtomKind::Wall:
+          graze = wall_span(atom, frame, in, lo, hi);
           break;
         case AtomKind::Torus:
-          graze = torus_span(atom, frame, in, model_.window, lo, hi);
+          graze = torus_span(atom, frame, in, cell.window, lo, hi);
           break;
       }
       if (in.near_start) {
@@ -446,6 +446,7 @@ class Walker {
                                            less(magnitude(hi - in.start), 4.0f * window));
         if (near) settle_start(atom, frame, packet_, model_.band, near, lo, hi, unsure);
       }
+      COUNT(10+(int)atom.kind,graze&lanes&~in.near_start); if(atom.kind==AtomKind::Torus) {COUNT(8,graze&in.near_start);}
       grazed |= graze;
     }
     if (counting) counts_->atoms += static_cast<std::uint64_t>(count) * static_cast<std::uint64_t>(count_of(lanes));
@@ -456,6 +457,7 @@ class Walker {
       return inside_at(atoms, count, operators, cell.operators, spans, s);
     };
     F s = in.enter;
+    COUNT(1,unsure&lanes); COUNT(9,lanes&in.near_start);{Mask q=inside(s,lanes)&lanes&~unsure; COUNT(2,q&in.near_start); COUNT(3,q&~in.near_start);(void)q;}
     unsure |= inside(s, lanes);
     Mask todo = lanes & ~unsure, found = 0;
     const F last = in.exit + window;
@@ -488,6 +490,7 @@ class Walker {
         once |= low | high;
         which = select(low | high, all_int(atoms[i].leaf), which);
       }
+      COUNT(4,found); COUNT(5,found&twice&~grazed); COUNT(6,found&~once&~grazed); COUNT(7,found&grazed);
       unsure |= found & (twice | ~once | grazed);
       const F left = packet_.end - nearest - at_boundary;
       unsure |= found & less(left, 4.0f * window);
@@ -497,6 +500,7 @@ class Walker {
       for (Mask m = sure; m; m &= m - 1) {
         const int i = first_of(m);
         answer_.t[i] = lane(t, i);
+        answer_.t_error[i] = 4 * static_cast<double>(cell.window);
         answer_.leaf[i] = which[i];
       }
     }
@@ -583,7 +587,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   for (Mask m = answer.hit; m; m &= m - 1) {
     const int i = first_of(m);
     answer.t[i] = (answer.t[i] + lane(start, i)) / lane(units, i);
-    answer.t_error[i] = 4 * static_cast<double>(model.window) / lane(units, i);
+    answer.t_error[i] /= lane(units, i);
   }
 }
 

@@ -16,7 +16,7 @@ class PacketSdsm final : public Tracer {
  public:
   PacketSdsm(std::shared_ptr<const CsgTree> tree, int d, int h, bool tight)
       : Tracer(std::move(tree)),
-        octree_(*tree_, {d, h, packets::pads_around(tree_->numerics().precision)}),
+        octree_(*tree_, {d, h, packets::kMargin}),
         packets_(*tree_, octree_, tight),
         walk_(packets::walk_for_this_machine()) {}
 

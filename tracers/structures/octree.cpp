@@ -35,16 +35,16 @@ class Octree::Builder {
       : octree_(octree),
         model_(model),
         limits_(limits),
-        classifier_(model, limits.pads),
+        classifier_(model),
         trees_of_level_(static_cast<std::size_t>(limits.d) + 1) {}
 
   std::int32_t divide(TreeView parent_tree, const Box& cell, int level) {
     std::vector<TreeNode>& tree = trees_of_level_[static_cast<std::size_t>(level)];
     octree_.deepest_level_ = std::max(octree_.deepest_level_, level);
-    const Class kind = classifier_.localize(parent_tree, cell, tree);
+    const Class kind = classifier_.localize(parent_tree, cell, tree, limits_.margin * cell.half().x);
     if (kind != Class::Partial) return link(Cell::constant(kind == Class::Full));
     // A cell hardly thicker than the pad of classes has nothing to gain from being divided.
-    const bool thin = cell.half().x < 8 * limits_.pads * model_.pad();
+    const bool thin = cell.half().x < 8 * model_.pad();
     if (level == limits_.d || leaf_count(tree) <= limits_.h || thin) return link(octree_.trees_.add(tree, cell));
     const std::size_t first = octree_.children_.size();
     octree_.children_.resize(first + 8);

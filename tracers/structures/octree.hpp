@@ -10,7 +10,7 @@ namespace csg {
 struct OctreeLimits {
   int d;  ///< maximum level; the root is level 0
   int h;  ///< a cell with this many halfspaces, or fewer, is not divided
-  int pads = 1;  ///< for how many times P around them the cells' trees hold
+  double margin = 0;  ///< cells' trees hold so far around them, in halves of their sides, besides P
 };
 
 /// The declarations of d and h, for schemes built on the octree.
