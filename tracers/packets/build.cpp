@@ -34,7 +34,14 @@ class Structure::Builder {
     for (int axis = 0; axis < 3; ++axis) model.centre[axis] = middle_[axis];
     model.per_unit = 1 / unit_;
     model.radius = length(world.half()) / unit_ * (1 + kMargin);
-    model.band = tree.tolerances().band(Vec3{tree.size(), 0, 0}, 1) / unit_;
+    // The widest band of any ray, and at least what double loses; and of those that start in the world.
+    const auto band = [&](double distance) {
+      const Vec3 origin{distance, 0, 0};
+      return std::max(tree.tolerances().band(origin, 1), Tolerances({}, tree.size()).band(origin, 1)) / unit_;
+    };
+    band_ = band(tree.tolerances().farthest_origin());
+    model.near = 2 * tree.size() / unit_;
+    model.band = band(2 * tree.size());
     for (const Leaf& leaf : tree.leaves()) out.frames_.push_back(frame_of(leaf));
     if (std::optional<Node> root = build(octree.root(), world)) {
       if (out.nodes_.empty()) out.nodes_.push_back({});
@@ -153,20 +160,23 @@ class Structure::Builder {
       node.hi[axis] = static_cast<float>((entered.hi[axis] - middle_[axis]) / unit_);
     }
     node.link = static_cast<std::int32_t>(out_.cells_.size());
-    out_.cells_.push_back(cell_of(kept, box));
+    out_.cells_.push_back(cell_of(kept, box, cell));
     return node;
   }
 
-  Cell cell_of(const std::vector<TreeNode>& tree, const Box& box) {
+  Cell cell_of(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
     Cell cell{};
     const Vec3 centre = (1 / unit_) * (box.center() - middle_);
-    for (int axis = 0; axis < 3; ++axis) cell.centre[axis] = centre[axis];
+    for (int axis = 0; axis < 3; ++axis) {
+      cell.centre[axis] = centre[axis];
+      cell.lo[axis] = static_cast<float>((whole.lo[axis] - box.center()[axis]) / unit_);
+      cell.hi[axis] = static_cast<float>((whole.hi[axis] - box.center()[axis]) / unit_);
+    }
     const double reach = length(box.padded(margin_).half()) / unit_;
     cell.first_atom = static_cast<std::uint32_t>(out_.atoms_.size());
     cell.first_operator = static_cast<std::uint32_t>(out_.operators_.size());
     cell.window = static_cast<float>(margin_ / 32 / unit_);
-    // The window must hold what crossings and tie bands may be off by, in double.
-    cell.trusted = margin_ / 32 > tree_.pad();
+    cell.trusted = true;
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
     // atoms the solid is cut by.
@@ -281,10 +291,10 @@ class Structure::Builder {
       // A wall feels an error of z by its slope only.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
       const double extent = norm(frame.row[i]) * reach + std::fabs(c);
-      error = std::hypot(error, 8 * kFloat * weight * extent);
+      error = std::hypot(error, weight * (8 * kFloat * extent + norm(frame.row[i]) * band_));
       far = std::hypot(far, extent);
     }
-    error += 0x1p-48 * leaf.condition;
+    error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
     const double window = static_cast<double>(cell.window);
     if (kind == AtomKind::Torus) {
       // The line may be off by `error`; that costs the slope at the surface, 8 r. The rest is rounding of the
@@ -308,7 +318,7 @@ class Structure::Builder {
   const Octree& octree_;
   bool tight_;
   CellClassifier classifier_;
-  double unit_ = 1, margin_ = 0;
+  double unit_ = 1, band_ = 0, margin_ = 0;
   Vec3 middle_;
   std::vector<Box> bounds_;
   std::vector<TreeNode> localized_;

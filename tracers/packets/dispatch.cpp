@@ -3,9 +3,9 @@
 
 namespace csg::packets {
 
-void walk_v2(const Model&, const Rays&, Answer&, Counts*);
-void walk_v3(const Model&, const Rays&, Answer&, Counts*);
-void walk_v4(const Model&, const Rays&, Answer&, Counts*);
+void walk_v2(const Model&, const Rays&, bool any, Answer&, Counts*);
+void walk_v3(const Model&, const Rays&, bool any, Answer&, Counts*);
+void walk_v4(const Model&, const Rays&, bool any, Answer&, Counts*);
 
 Walk walk_for_this_machine() {
   static const Walk walk = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&

@@ -38,6 +38,7 @@ struct Operator {
 
 struct Cell {
   double centre[3];
+  float lo[3], hi[3];  ///< of the octree's cell, from the centre of what it was shrunk to
   std::uint32_t first_atom, first_operator;
   std::uint16_t atoms, operators;
   float window;  ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
@@ -60,7 +61,7 @@ struct Model {
   const Frame* frames;
   double centre[3], per_unit;  ///< of the world, and 1 / unit
   double radius;  ///< of a ball around the world, in units
-  double band;    ///< tie band of a ray that starts in the world, units
+  double near, band;  ///< the tie band of rays from not farther than `near`
 };
 
 /// Sixteen rays or fewer. `first` points to `count` rays of eight doubles (origin, direction, t_min, t_max),
@@ -82,8 +83,8 @@ struct Counts {
   std::uint64_t cells, boxes, atoms, operators;
 };
 
-/// Finds the first boundary of each ray; `counts` may be null.
-using Walk = void (*)(const Model&, const Rays&, Answer&, Counts* counts);
+/// Finds the first boundary of each ray, or any if that will do; `counts` may be null.
+using Walk = void (*)(const Model&, const Rays&, bool any, Answer&, Counts* counts);
 
 /// The walk for the widest instruction set that this machine has.
 Walk walk_for_this_machine();

@@ -10,12 +10,6 @@
 #include "lanes.hpp"
 #include "packet_model.hpp"
 
-#ifdef WHY
-extern "C" long why[16];
-#define COUNT(i,m) why[i]+=count_of(m)
-#else
-#define COUNT(i,m) (void)(m)
-#endif
 namespace {
 
 using namespace csg::packets;
@@ -27,7 +21,8 @@ struct Packet {
   D o[3], d[3];       // start and unit direction, units
   F of[3], inverse[3], scaled[3];  // scaled = o·inverse
   F end;
-  Mask in_world;      // started here and not moved to where it enters
+  Mask in_world;      // not moved to where they enter the world
+  Mask far;           // origins beyond Model::near
 };
 
 /// One atom's interval along each ray of the packet, within a cell.
@@ -64,7 +59,9 @@ inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& 
     distance += across * across;
   }
   const F inside = atom.size * atom.size - distance;
-  const F half = root(max(inside, F{}) * inverse);
+  // Along the axis the middle may be far away, and rounded as coarsely.
+  const float outwards = atom.negative ? -0x1p-21f : 0x1p-21f;
+  const F half = root(max(inside, F{}) * inverse) + outwards * magnitude(middle);
   const Mask met = less(F{}, inside);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
@@ -89,16 +86,25 @@ inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& 
   return less(magnitude(inside), all(atom.graze * atom.graze * radius * radius));
 }
 
-/// |z| ≤ 1 along z + s·v. Grazed where a face that is nearly parallel to the ray is met in the cell.
+/// |z| ≤ 1 along z + s·v. Grazed where the ray is nearly parallel to the faces and, in the cell, neither
+/// certainly between them nor certainly not.
 inline Mask slab(const Atom& atom, F z, F v, const Passage& in, F& lo, F& hi) {
   v = away_from_zero(v);
-  const F inverse = 1.0f / v, middle = -z * inverse, half = atom.size * magnitude(inverse);
-  lo = middle - half;
-  hi = middle + half;
+  const F inverse = 1.0f / v;
+  const auto between = [&](float size, F& first, F& last) {
+    const F low = (-size - z) * inverse, high = (size - z) * inverse;
+    first = min(low, high);
+    last = max(low, high);
+  };
+  between(atom.size, lo, hi);
   Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
   if (grazed) [[unlikely]] {
     const F spare = in.exit - in.enter, from = in.enter - spare, to = in.exit + spare;
-    grazed &= (less(from, lo) & less(lo, to)) | (less(from, hi) & less(hi, to));
+    const float larger = atom.negative ? 2 - atom.size : atom.size;
+    F outer_lo, outer_hi, inner_lo, inner_hi;
+    between(larger, outer_lo, outer_hi);
+    between(2 - larger, inner_lo, inner_hi);
+    grazed &= at_most(outer_lo, to) & at_most(from, outer_hi) & ~(at_most(inner_lo, from) & at_most(to, inner_hi));
   }
   return grazed;
 }
@@ -122,7 +128,8 @@ inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F
   const F a = v[0] * v[0] + v[1] * v[1] - dw * dw;
   const F b = x[0] * v[0] + x[1] * v[1] - w * dw;
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
-  const F inside = b * b - a * c, square = root(max(inside, F{}));
+  const float outwards = atom.negative ? -0x1p-21f : 0x1p-21f;
+  const F inside = b * b - a * c + outwards * (b * b + magnitude(a * c)), square = root(max(inside, F{}));
   const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
   const F first = min(s, t), second = max(s, t);
@@ -229,7 +236,6 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     two = rest & once1 & once2 & less(g.at(lowest), -slack) & ~rises;
     rest &= ~two;
   }
-  COUNT(11,rest); COUNT(12, in.lanes); COUNT(13,todo); COUNT(14,told); COUNT(15,two);
   Mask grazed = rest;
   const Mask roots = told | two;
   if (roots) {
@@ -334,7 +340,7 @@ inline void settle_start(const Atom& atom, const Frame& frame, const Packet& pac
   lo = select(left, all(kNever), lo);
   hi = select(left, all(-kNever), hi);
   lo = select(still_in, all(-kNever), lo);
-  unsure |= near & ~(left | still_in);
+  unsure |= near & (~(left | still_in) | packet.far);
 }
 
 /// The membership of each ray at `s`, by the cell's operators.
@@ -348,7 +354,7 @@ inline Mask inside_at(const Atom* atoms, int count, const Operator* operators, i
   return value[operator_count - 1] ^ operators[operator_count - 1].flip;
 }
 
-template <bool counting>
+template <bool any, bool counting>
 class Walker {
  public:
   Walker(const Model& model, const Packet& packet, Answer& answer, Counts* counts)
@@ -362,10 +368,11 @@ class Walker {
     int top = 0;
     stack[top++] = {0};
     active_ = lanes;
+    limit_ = packet_.end;
     while (top > 0 && active_) {
       const Node& node = model_.nodes[stack[--top].node];
       if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(active_));
-      F enter = F{}, exit = packet_.end;
+      F enter = F{}, exit = limit_;
       for (int axis = 0; axis < 3; ++axis) {
         const bool down = octant >> axis & 1;
         const float nearer = down ? node.hi[axis] : node.lo[axis], farther = down ? node.lo[axis] : node.hi[axis];
@@ -390,7 +397,7 @@ class Walker {
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
     if (!cell.trusted) {
-      COUNT(0,lanes);answer_.unsure |= lanes;
+      answer_.unsure |= lanes;
       active_ &= ~lanes;
       return;
     }
@@ -446,7 +453,6 @@ class Walker {
                                            less(magnitude(hi - in.start), 4.0f * window));
         if (near) settle_start(atom, frame, packet_, model_.band, near, lo, hi, unsure);
       }
-      COUNT(10+(int)atom.kind,graze&lanes&~in.near_start); if(atom.kind==AtomKind::Torus) {COUNT(8,graze&in.near_start);}
       grazed |= graze;
     }
     if (counting) counts_->atoms += static_cast<std::uint64_t>(count) * static_cast<std::uint64_t>(count_of(lanes));
@@ -457,7 +463,6 @@ class Walker {
       return inside_at(atoms, count, operators, cell.operators, spans, s);
     };
     F s = in.enter;
-    COUNT(1,unsure&lanes); COUNT(9,lanes&in.near_start);{Mask q=inside(s,lanes)&lanes&~unsure; COUNT(2,q&in.near_start); COUNT(3,q&~in.near_start);(void)q;}
     unsure |= inside(s, lanes);
     Mask todo = lanes & ~unsure, found = 0;
     const F last = in.exit + window;
@@ -478,6 +483,7 @@ class Walker {
       todo &= ~now;
     }
     unsure &= lanes;
+    Mask settled = 0;
     if (found) {
       // Only one crossing may lie where the boundary may be.
       const F from = at_boundary - 2.0f * window, to_end = at_boundary + 3.0f * window;
@@ -490,12 +496,13 @@ class Walker {
         once |= low | high;
         which = select(low | high, all_int(atoms[i].leaf), which);
       }
-      COUNT(4,found); COUNT(5,found&twice&~grazed); COUNT(6,found&~once&~grazed); COUNT(7,found&grazed);
       unsure |= found & (twice | ~once | grazed);
       const F left = packet_.end - nearest - at_boundary;
       unsure |= found & less(left, 4.0f * window);
       const Mask sure = found & ~unsure;
       answer_.hit |= sure;
+      limit_ = select(sure, at_boundary + nearest, limit_);
+      settled = any ? sure : sure & well_inside(cell, in, at_boundary);
       const D t = widen(at_boundary, at);
       for (Mask m = sure; m; m &= m - 1) {
         const int i = first_of(m);
@@ -505,7 +512,18 @@ class Walker {
       }
     }
     answer_.unsure |= unsure;
-    active_ &= ~(unsure | found);
+    active_ &= ~(unsure | settled);
+  }
+
+  /// Cells come in the order of the ray, but not their margins: where a ray runs along a wall, the margin of one
+  /// cell may come before the cell itself. A boundary in there is the first as far as is known.
+  static Mask well_inside(const Cell& cell, const Passage& in, F s) {
+    Mask inside = 0xffff;
+    for (int axis = 0; axis < 3; ++axis) {
+      const F x = in.p[axis] + s * in.d[axis];
+      inside &= less(all(cell.lo[axis] + cell.window), x) & less(x, all(cell.hi[axis] - cell.window));
+    }
+    return inside;
   }
 
   static D widen(F a, const D& b) {
@@ -519,6 +537,7 @@ class Walker {
   Answer& answer_;
   Counts* counts_;
   Mask active_ = 0;
+  F limit_;  // of each ray's way: its end, or a boundary
 };
 
 /// Sixteen rays from as many lines of eight doubles.
@@ -531,7 +550,7 @@ inline void load(const Rays& rays, D columns[8]) {
   std::memcpy(columns, transposed, sizeof transposed);
 }
 
-template <bool counting>
+template <bool any, bool counting>
 void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
   D column[8];
   load(rays, column);
@@ -539,7 +558,9 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   const D dd = column[3] * column[3] + column[4] * column[4] + column[5] * column[5];
   const D speed = square_root(dd), per_speed = all_double(1) / speed;
   D along = all_double(0);
+  D distance = all_double(0);
   for (int axis = 0; axis < 3; ++axis) {
+    distance = distance + column[axis] * column[axis];
     packet.d[axis] = column[3 + axis] * per_speed;
     packet.o[axis] = (column[axis] - all_double(model.centre[axis])) * all_double(model.per_unit);
     along = along + packet.o[axis] * packet.d[axis];
@@ -547,16 +568,18 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   // From where it enters the ball around the world, or where it starts.
   const D units = speed * all_double(model.per_unit);
   D start, end;
-  Mask in_world = 0, valid = 0;
+  Mask in_world = 0, far = 0, valid = 0;
+  const double near = model.near / model.per_unit;
   const double radius = model.radius;
   for (int i = 0; i < kLanes; ++i) {
-    const double from = lane(column[6], i) * lane(units, i) + model.band, b = lane(along, i);
+    const double from = lane(column[6], i) * lane(units, i), b = lane(along, i);
     const double enter = -b - radius;
     const bool outside = enter > from;
     set_lane(start, i, outside ? enter : from);
     const double to = lane(column[7], i) * lane(units, i);
     set_lane(end, i, to - (outside ? enter : from));
     in_world |= static_cast<Mask>(!outside) << i;
+    far |= static_cast<Mask>(lane(distance, i) > near * near) << i;
     valid |= static_cast<Mask>(i < rays.count && to > from) << i;
   }
   for (int axis = 0; axis < 3; ++axis) {
@@ -567,9 +590,10 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   }
   packet.end = narrow(end);
   packet.in_world = in_world;
+  packet.far = far;
 
   answer.hit = answer.unsure = 0;
-  Walker<counting> walker(model, packet, answer, counts);
+  Walker<any, counting> walker(model, packet, answer, counts);
   Mask down[3];
   for (int axis = 0; axis < 3; ++axis) down[axis] = less(packet.inverse[axis], F{});
   for (Mask todo = valid; todo;) {
@@ -584,11 +608,18 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     walker.walk(alike, octant);
     todo &= ~alike;
   }
+  answer.hit &= ~answer.unsure;
   for (Mask m = answer.hit; m; m &= m - 1) {
     const int i = first_of(m);
     answer.t[i] = (answer.t[i] + lane(start, i)) / lane(units, i);
     answer.t_error[i] /= lane(units, i);
   }
+}
+
+inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {
+  const auto run = any ? counts ? walk_packet<true, true> : walk_packet<true, false>
+                       : counts ? walk_packet<false, true> : walk_packet<false, false>;
+  run(model, rays, answer, counts);
 }
 
 }  // namespace

@@ -3,8 +3,8 @@
 
 namespace csg::packets {
 
-void walk_v4(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
-  counts ? walk_packet<true>(model, rays, answer, counts) : walk_packet<false>(model, rays, answer, counts);
+void walk_v4(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {
+  walk(model, rays, any, answer, counts);
 }
 
 }  // namespace csg::packets

@@ -30,14 +30,14 @@ class PacketSdsm final : public Tracer {
  private:
   /// Calls `answered(first, answer)` for each packet, whose `first` ray is given.
   template <class Answered>
-  void in_packets(std::span<const Ray> rays, Counters* counters, Answered answered) const {
+  void in_packets(std::span<const Ray> rays, bool any, Counters* counters, Answered answered) const {
     packets::Counts counts{};
     packets::Answer answer;
     for (std::size_t first = 0; first < rays.size(); first += 16) {
       const auto count = static_cast<int>(std::min<std::size_t>(16, rays.size() - first));
       answer.hit = answer.unsure = 0;
       if (!packets_.empty())
-        walk_(packets_.model(), {&rays[first].origin.x, count}, answer, counters ? &counts : nullptr);
+        walk_(packets_.model(), {&rays[first].origin.x, count}, any, answer, counters ? &counts : nullptr);
       answered(first, count, answer);
     }
     if (counters) {
@@ -50,7 +50,7 @@ class PacketSdsm final : public Tracer {
 
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
     std::vector<std::size_t> unsure;
-    in_packets(rays, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
+    in_packets(rays, false, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
       for (int i = 0; i < count; ++i) {
         const std::size_t at = first + static_cast<std::size_t>(i);
         hits[at] = {};
@@ -69,7 +69,7 @@ class PacketSdsm final : public Tracer {
 
   void occluded_batch(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Counters* counters) const override {
     std::vector<std::size_t> unsure;
-    in_packets(rays, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
+    in_packets(rays, true, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
       for (int i = 0; i < count; ++i) {
         blocked[first + static_cast<std::size_t>(i)] = answer.hit >> i & 1;
         if (answer.unsure >> i & 1) unsure.push_back(first + static_cast<std::size_t>(i));
