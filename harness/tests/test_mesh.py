@@ -152,7 +152,7 @@ def test_packets_find_what_single_rays_find(tmp_path):
     rng = np.random.default_rng(0)
     rays = np.zeros((1003, 8))
     rays[:, :3] = [3.0, -2.0, 9.0]
-    rays[:, 3:6] = [0, 0, -1] + rng.normal(0, 0.2, (1003, 3))
+    rays[:, 3:6] = rng.normal((0, 0, -1), 0.2, (1003, 3))
     rays[:, 7] = np.where(rng.random(1003) < 0.2, rng.uniform(-1, 9, 1003), np.inf)
     rays[::50, 3:6] = 0
     for some in (rays, rays[:17], rays[:1]):
