@@ -27,6 +27,7 @@ import itertools
 import os
 import re
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,7 +78,8 @@ class Study:
     name: str
     title: str
     configurations: tuple[Configuration, ...]
-    ablations: tuple[Ablation, ...] = ()  # of these configurations
+    runs: tuple[Configuration, ...] = ()  # those of [[runs]]; the others are of ablations alone
+    ablations: tuple[Ablation, ...] = ()
 
     @property
     def models(self) -> list[str]:
@@ -122,23 +124,10 @@ def load(path: Path) -> Study:
     defaults = {key: default for key, (_, default) in _SETTINGS.items()}
     defaults |= _settings(path, "", document)
     threads = _threads(path, "", document, [1])
-    runs = document.get("runs")
-    if not isinstance(runs, list) or not all(isinstance(run, dict) for run in runs):
+    runs = _tables(path, document, "runs")
+    if not runs:
         raise UserError(f"{path}: needs at least one [[runs]]")
-
-    configurations: dict[tuple, Configuration] = {}
-
-    def add(where: str, may_be_known: bool = False, **of: Any) -> Configuration:
-        try:
-            params = canonical(complete(of["scheme"], of["params"]))
-        except UserError as error:
-            raise UserError(f"{path}: {where}{error}") from None
-        configuration = Configuration(**of | {"params": params})
-        key = tuple(getattr(configuration, name) for name in KEY)
-        if key in configurations and not may_be_known:
-            raise UserError(f"{path}: {where}'{configuration.label()}' is listed twice")
-        return configurations.setdefault(key, configuration)
-
+    found = _Configurations(path)
     for index, run in enumerate(runs, start=1):
         where = f"runs {index}: "
         _only(path, where, run, {"models", "schemes", "params", "threads", *_SETTINGS})
@@ -153,36 +142,80 @@ def load(path: Path) -> Study:
             _parameter_sets(path, where, run),
             _threads(path, where, run, threads),
         ):
-            add(where, model=model, scheme=scheme, params=params, threads=count, **settings)
-
-    ablations = []
-    for index, table in enumerate(document.get("ablations", []), start=1):
-        where = f"ablations {index}: "
-        _only(path, where, table, {"models", "scheme", "params", "without", *_SETTINGS})
-        settings = defaults | _settings(path, where, table) | {"threads": 1, "may_be_known": True}
-        base = {"scheme": table.get("scheme", ""), "params": table.get("params", {})}
-        for model in _names(path, where, table, "models"):
-            without = {
-                what: add(where, model=model, **_changed(base, change), **settings)
-                for what, change in table.get("without", {}).items()
-            }
-            ablations.append(Ablation(add(where, model=model, **base, **settings), without))
-    title = str(document.get("title", path.stem))
-    return Study(path.stem, title, tuple(configurations.values()), tuple(ablations))
+            found.add(where, model, scheme, params, settings | {"threads": count})
+    listed = found.all()
+    ablations = tuple(
+        ablation
+        for index, table in enumerate(_tables(path, document, "ablations"), start=1)
+        for ablation in _ablations(path, f"ablations {index}: ", table, defaults, found)
+    )
+    return Study(path.stem, str(document.get("title", path.stem)), found.all(), listed, ablations)
 
 
-def _changed(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """Another scheme comes with all its parameters; else those that differ are given."""
-    if "scheme" in change:
-        params = {key: value for key, value in change.items() if key != "scheme"}
-        return {"scheme": change["scheme"], "params": params}
-    return base | {"params": base["params"] | change}
+class _Configurations:
+    """What has been read so far, each configuration once."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._by_key = path, {}
+
+    def add(self, where: str, model: str, scheme: str, params: Params, settings: dict) -> None:
+        configuration = self._made(where, model, scheme, params, settings)
+        if self._by_key.setdefault(_key(configuration), configuration) is not configuration:
+            raise UserError(f"{self._path}: {where}'{configuration.label()}' is listed twice")
+
+    def find_or_add(self, *of: Any) -> Configuration:
+        configuration = self._made(*of)
+        return self._by_key.setdefault(_key(configuration), configuration)
+
+    def all(self) -> tuple[Configuration, ...]:
+        return tuple(self._by_key.values())
+
+    def _made(
+        self, where: str, model: str, scheme: str, params: Params, settings: dict
+    ) -> Configuration:
+        try:
+            return Configuration(model, scheme, canonical(complete(scheme, params)), **settings)
+        except UserError as error:
+            raise UserError(f"{self._path}: {where}{error}") from None
+
+
+def _key(configuration: Configuration) -> tuple:
+    return tuple(getattr(configuration, name) for name in KEY)
+
+
+def _ablations(
+    path: Path, where: str, table: dict, defaults: dict, found: _Configurations
+) -> Iterator[Ablation]:
+    """One a model. Another scheme comes with all its parameters; else those that differ do."""
+    _only(path, where, table, {"models", "scheme", "params", "without", *_SETTINGS})
+    settings = defaults | _settings(path, where, table) | {"threads": 1}
+    scheme, params, without = (table.get(key, {}) for key in ("scheme", "params", "without"))
+    changes = [*without.values()] if isinstance(without, dict) else [None]
+    if type(scheme) is not str or not all(isinstance(given, dict) for given in (params, *changes)):
+        raise UserError(
+            f"{path}: {where}'scheme' is a name, 'params' a table, 'without' a table of tables"
+        )
+    for model in _names(path, where, table, "models"):
+        base = found.find_or_add(where, model, scheme, params, settings)
+        less = {}
+        for what, change in without.items():
+            other = {key: value for key, value in change.items() if key != "scheme"}
+            given = (change["scheme"], other) if "scheme" in change else (scheme, params | other)
+            less[what] = found.find_or_add(where, model, *given, settings)
+        yield Ablation(base, less)
 
 
 def _with_position(path: Path, message: str) -> str:
     """tomllib ends its messages with '(at line 3, column 5)'; editors want path:3:5."""
     match = re.fullmatch(r"(.*) \(at line (\d+), column (\d+)\)", message)
     return f"{path}:{match[2]}:{match[3]}: {match[1]}" if match else f"{path}: {message}"
+
+
+def _tables(path: Path, document: dict, key: str) -> list[dict]:
+    tables = document.get(key, [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise UserError(f"{path}: '{key}' is written as [[{key}]], at least one")
+    return tables
 
 
 def _only(path: Path, where: str, table: dict, known: set[str]) -> None:

@@ -71,9 +71,10 @@ class Bench:
 
     @cached_property
     def entries(self) -> list[Entry]:
-        """By model, as the study has them, and threads; the fastest first."""
+        """By model, as the study has them, and threads; the fastest first. No ablations."""
         best: dict[tuple, Entry] = {}
-        for entry in sorted(map(Entry, self.results.tabled), key=_trace_s):
+        runs = [Entry(r) for r in self.results.tabled if r.configuration in self.results.study.runs]
+        for entry in sorted(runs, key=_trace_s):
             best.setdefault((entry.result.model, entry.threads, entry.peer, entry.precision), entry)
         order = self.results.study.models.index
         return sorted(best.values(), key=lambda e: (order(e.result.model), e.threads))

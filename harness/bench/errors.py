@@ -23,9 +23,10 @@ Key = tuple[str, str, str]  # model, scheme, params: threads change no bit
 def measure_missing(console: Console, study: Study, store: Store) -> None:
     """Of what is not naive's to the bit, and has no figures for this code yet."""
     known = load(study, store)
-    for c in {_key(c): c for c in study.configurations if not _is_naives(c)}.values():
-        if _key(c) in known:
+    for c in study.configurations:
+        if _is_naives(c) or _key(c) in known:
             continue
+        known[_key(c)] = {}
         console.print(f"errors: {c.label()}", highlight=False)
         figures = _figures(c, _exact(study, c.model))
         store.add_errors(

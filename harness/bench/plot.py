@@ -92,13 +92,13 @@ def _legend(bench: Bench) -> list[Line2D]:
         )  # fmt: skip
 
     some = "#888888"
-    return [
+    return [  # column by column
         key("exact, ours: same bits as brute force", _EXACT, "s"),
-        key("float64 (ours)", some),
-        key("one thread", some),
-        Line2D([], [], color=_MESH, alpha=0.35, label=f"{EMBREE}, one thread"),
         key("inexact: triangles, 64 segments a circle", _MESH, "s"),
-        key("float32 (ours)", some, "D"),
-        key(f"all threads ({bench.all_threads})", some, fill="white"),
         key("POV-Ray: exact within fixed tolerances", _POVRAY, "s"),
+        Line2D([], [], color=_MESH, alpha=0.35, label=f"{EMBREE}, one thread"),
+        key("ours in float64; others", some),
+        key("ours in float32", some, "D"),
+        key("one thread", some),
+        key(f"all threads ({bench.all_threads})", some, fill="white"),
     ]
