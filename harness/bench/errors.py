@@ -22,7 +22,7 @@ Key = tuple[str, str, str]  # model, scheme, params: threads change no bit
 
 def measure_missing(console: Console, study: Study, store: Store) -> None:
     """Of what is not naive's to the bit, and has no figures for this code yet."""
-    known = load(study, store)
+    known = load(study, store, code_version())
     for c in study.configurations:
         if _is_naives(c) or _key(c) in known:
             continue
@@ -37,13 +37,12 @@ def measure_missing(console: Console, study: Study, store: Store) -> None:
         )  # fmt: skip
 
 
-def load(study: Study, store: Store) -> dict[Key, dict[str, float]]:
-    """The figures of this code: see `_figures`."""
+def load(study: Study, store: Store, code: str | None) -> dict[Key, dict[str, float]]:
+    """The figures of a version of the code: see `_figures`."""
     return {
         (row["model"], row["scheme"], row["params"]): row["figures"]
         for row in store.errors(study.name)
-        if row["code_version"] == code_version()
-        and row["model_hash"] == models.content_hash(row["model"])
+        if row["code_version"] == code and row["model_hash"] == models.content_hash(row["model"])
     }
 
 

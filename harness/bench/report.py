@@ -19,7 +19,8 @@ NAME = "bench"
 
 
 def load(study: Study, store: Store) -> Bench:
-    return Bench(results.load(store, study), errors.load(study, store))
+    found = results.load(store, study)
+    return Bench(found, errors.load(study, store, found.code_version))
 
 
 def write(bench: Bench, folder: Path) -> Path:

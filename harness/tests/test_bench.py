@@ -13,7 +13,7 @@ from harness.bench.entries import Bench
 from harness.plots import save
 from harness.povray_scene import BOUNDS, Shot, solid
 from harness.results import load
-from harness.store import Outcome, Store, Trial
+from harness.store import Errors, Outcome, Store, Trial
 from harness.study import FOLDER
 
 STUDY = study.load(FOLDER / "bench.toml")
@@ -175,3 +175,16 @@ def test_a_peer_has_parameters_like_a_scheme():
     with pytest.raises(schemes.UserError, match="known: bounds: operators, none"):
         schemes.complete("povray", {"d": 3})
     assert "povray" not in schemes.catalogue()  # no study gets it by "others"
+
+
+def test_errors_are_of_the_code_that_was_timed(tmp_path):
+    store = Store(tmp_path / "trials.sqlite")
+    for n, code in enumerate(("old", "new")):
+        store.add_errors(
+            Errors(
+                "bench", "ball", models.content_hash("ball"), "as_written", "povray", "{}",
+                8, 8, code, {"flips": float(n)}, "",
+            )
+        )  # fmt: skip
+    assert errors.load(STUDY, store, "old") == {("ball", "povray", "{}"): {"flips": 0.0}}
+    assert errors.load(STUDY, store, None) == {}
