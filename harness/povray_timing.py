@@ -11,6 +11,9 @@ from harness import povray_scene
 from harness.povray import complaint, run_povray
 from harness.povray_scene import PovrayError, Shot
 
+# An orphan would disturb the next sweep's times for minutes.
+_DYING_WITH_US = ("setpriv", "--pdeathsig", "KILL")
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -27,7 +30,7 @@ def timed(tree, scene, width: int, height: int, bounds: str, threads: int) -> Ti
     with tempfile.TemporaryDirectory(prefix="povray-") as folder:
         (Path(folder) / "scene.pov").write_text(text)
         options = [f"+W{width}", f"+H{height}", f"+WT{threads}", "-F", "-D", "-A", "+Iscene.pov"]
-        run = run_povray(["povray", *options], folder)
+        run = run_povray([*_DYING_WITH_US, "povray", *options], folder)
     if run.returncode != 0:
         raise PovrayError(f"POV-Ray failed to time a picture: {complaint(run)}")
     seconds = {
