@@ -11,7 +11,7 @@ PYTHON := $(VENV)/bin/python
 BENCH := $(VENV)/bin/csgbench
 SOURCES := $(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def) CMakeLists.txt pyproject.toml
 
-.PHONY: help setup sweep test check conformance accuracy stability reference report publish paper lock format clean
+.PHONY: help setup sweep bench test check conformance accuracy stability reference report publish paper lock format clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,6 +20,9 @@ setup: $(VENV)/.built  ## install packages, make .venv, build
 
 sweep: setup  ## run a study (STUDY=paper or grid), then its tables and plots
 	@$(BENCH) sweep $(STUDY)
+
+bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: an hour
+	@$(BENCH) sweep bench
 
 test: setup  ## the tests, conformance of all schemes included
 	@$(PYTHON) -m pytest

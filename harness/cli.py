@@ -24,6 +24,7 @@ app = typer.Typer(
     csgbench trace ngk -o ngk.png
     csgbench sweep                measure the paper's study and report it
     csgbench sweep grid           the same for d 1 to 9 by h 1 to 30
+    csgbench sweep bench          our schemes beside POV-Ray and Embree
     csgbench reference            compare the pictures with POV-Ray's
     csgbench tables               report again what has been measured
     csgbench plots
@@ -39,7 +40,10 @@ out = Console(soft_wrap=True, highlight=False)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 StudyName = Annotated[
-    str, typer.Argument(help="A name in harness/sweeps (paper, grid) or the path of a .toml file.")
+    str,
+    typer.Argument(
+        help="A name in harness/sweeps (paper, grid, bench) or the path of a .toml file."
+    ),
 ]
 Results = Annotated[
     Path, typer.Option(help="Where measurements are kept and reports go.", show_default="results")
@@ -82,6 +86,7 @@ def sweep(
     \b
     csgbench sweep             Figures 8 and 9 and the baselines
     csgbench sweep grid        the optimum bracketed
+    csgbench sweep bench       our schemes beside POV-Ray and Embree, on one thread and on all
     csgbench sweep mine.toml   a study of your own, written like paper.toml
     """
     with _one_line_errors():
@@ -90,8 +95,11 @@ def sweep(
         failed = _measure(study, seed, retry, results)
         if not bare:
             _check(results, load_study(study).pictures, missing_only=True)
-            _tables(study, results)
-            _plots(study, results)
+            if study == "bench":
+                _bench(results, measure_errors=True)
+            else:
+                _tables(study, results)
+                _plots(study, results)
         if failed:
             raise typer.Exit(1)
 
@@ -177,6 +185,7 @@ def tables(
     with _one_line_errors():
         _tables(study, results)
         _accuracy_tables(results)
+        _bench(results)
         _publish(publish, results)
 
 
@@ -337,6 +346,21 @@ def _accuracy_tables(folder: Path) -> None:
 
     if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
         out.print(f"accuracy: {report.write(settings, folder)}")
+
+
+def _bench(folder: Path, measure_errors: bool = False) -> None:
+    """Tables and plot of what `csgbench sweep bench` has measured, if it has."""
+    from harness.bench import errors, report
+    from harness.report import load_study
+    from harness.store import Store
+
+    planned, store = load_study(report.NAME), Store(folder / STORE)
+    if measure_errors:
+        errors.measure_missing(out, planned, store)
+    if (bench := report.load(planned, store)).entries:
+        out.print(f"bench: {report.write(bench, folder)}")
+    for line in bench.results.refusals():
+        err.print(f"not tabled: {line}", style="red", markup=False)
 
 
 def _plots(study: str, folder: Path) -> None:

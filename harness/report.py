@@ -113,8 +113,8 @@ def _values(tables: list[Table]) -> str:
 
 def publish(folder: Path, target: Path) -> None:
     """Copy what a reader of the repository sees, of all studies: all but the LaTeX."""
-    patterns = ("*.md", "trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
-    for source in (folder, folder / "accuracy", folder / "stability"):
+    patterns = ("*.md", "*trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
+    for source in (folder, folder / "accuracy", folder / "bench", folder / "stability"):
         _copy((file for pattern in patterns for file in source.glob(pattern)), source, target)
 
 

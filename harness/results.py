@@ -19,12 +19,12 @@ from harness import statistics
 from harness.schemes import is_exact
 from harness.statistics import Estimate, estimate
 from harness.store import Store
-from harness.study import Configuration, Study
+from harness.study import KEY, Configuration, Study
 
 # What all exact schemes must agree on: the model as seen, at a size.
 _PICTURE = ["model_hash", "width", "height"]
 _SAME_BITS = [*_PICTURE, "precision"]
-_CONFIGURATION = ["model", "scheme", "params", "width", "height", "shape"]
+_CONFIGURATION = list(KEY)
 
 
 @dataclass(frozen=True)
@@ -145,6 +145,10 @@ class Results:
         left_out = [r for r in self.all if not r.ok and r.status != "not run"]
         lines = [f"{r.configuration.label()}: {r.status}: {r.reason}" for r in left_out]
         return list(dict.fromkeys(lines))
+
+    def of(self, configuration: Configuration) -> Result | None:
+        """The tabled result of a configuration."""
+        return next((r for r in self.tabled if r.configuration == configuration), None)
 
     def find(self, model: str, scheme: str, **params: int | str) -> Result | None:
         """The tabled result whose parameters include `params`."""

@@ -56,7 +56,7 @@ def schemes(model: str, results: Results) -> Table:
         Column("speedup", "times naive", times),
         Column("ray_ns", "ns/ray", number),
         Column("structure_bytes", "MB", megabytes),
-        *_per_ray_columns(),
+        *per_ray_columns(),
         Column("repeats", "repeats"),
     ]
     notes = [
@@ -123,7 +123,7 @@ def work(results: Results) -> Table:
         Column("model", "model", align="l"),
         _SCHEME,
         _PARAMETERS,
-        *_per_ray_columns(),
+        *per_ray_columns(),
         Column("build_s", "build ms", milliseconds),
         Column("trace_s", "trace ms", milliseconds),
         Column("structure_bytes", "MB", megabytes),
@@ -132,7 +132,7 @@ def work(results: Results) -> Table:
     return Table("work", title, columns, rows, [INTERVAL, *_constants(results)], keys=3)
 
 
-def _per_ray_columns() -> list[Column]:
+def per_ray_columns() -> list[Column]:
     return [
         Column(f"{key}_per_ray", word, number, group="per ray") for key, word in COUNTERS.items()
     ]

@@ -13,6 +13,8 @@ from harness import UserError
 
 Params = dict[str, int | str]
 Catalogue = Mapping[str, Any]  # name -> tracers.Scheme
+# Other programs, measured beside the schemes: each parameter with its values, the default first.
+PEERS = {"povray": {"bounds": ("operators", "none")}}
 
 
 def catalogue() -> Catalogue:
@@ -28,7 +30,9 @@ def canonical(params: Params) -> str:
 
 
 def complete(scheme: str, given: Params) -> Params:
-    """`given` checked against what the scheme declares, and filled up with its defaults."""
+    """`given` checked against what the scheme or peer declares, and filled up with its defaults."""
+    if scheme in PEERS:
+        return _complete_peer(scheme, given)
     import tracers
 
     for name, value in given.items():  # True would pass as 1, and C++ has no greater numbers
@@ -40,6 +44,15 @@ def complete(scheme: str, given: Params) -> Params:
         raise UserError(str(error)) from None
 
 
+def _complete_peer(peer: str, given: Params) -> Params:
+    declared = PEERS[peer]
+    for name, value in given.items():
+        if value not in declared.get(name, ()):
+            known = "; ".join(f"{name}: {', '.join(values)}" for name, values in declared.items())
+            raise UserError(f"{peer}: no parameter '{name}' with value {value!r}; known: {known}")
+    return {name: values[0] for name, values in declared.items()} | given
+
+
 def precision(params: Params) -> str:
     """Of the kernels: float64 unless the parameters say otherwise."""
     return str(params.get("precision", "float64"))
@@ -47,8 +60,9 @@ def precision(params: Params) -> str:
 
 def is_exact(scheme: str, params: Params) -> bool:
     """Whether the scheme, so set, promises naive's bits in the same precision: not if one of the
-    knobs is turned that are there to measure what the right setting is worth."""
-    return catalogue()[scheme].exact and not params.keys() & {"torus", "tie_band", "shadow"}
+    knobs is turned that are there to measure what the right setting is worth; and no peer does."""
+    turned = params.keys() & {"torus", "tie_band", "shadow"}
+    return scheme not in PEERS and catalogue()[scheme].exact and not turned
 
 
 def parse_settings(scheme: str, settings: list[str]) -> Params:

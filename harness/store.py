@@ -21,7 +21,7 @@ from harness import UserError
 if TYPE_CHECKING:
     import pandas as pd
 
-VERSION = 2
+VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Trial:
     precision: str
     width: int
     height: int
+    threads: int
     repeat: int  # from 0
     attempt: int  # 0; more when a failed trial was asked for again
     code_version: str  # hash of the sources of `tracers`
@@ -92,8 +93,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Errors:
-    """What a configuration errs; see accuracy/measure.py for the figures."""
+    """What a configuration errs; which figures, is up to the study that asks."""
 
+    study: str
     model: str
     model_hash: str
     shape: str
@@ -123,8 +125,7 @@ def _columns(record: type) -> str:
     return ", ".join(columns)
 
 
-_SCHEMA = f"""
-CREATE TABLE sessions ({_columns(Session)}, PRIMARY KEY (session));
+_TRIALS = f"""
 CREATE TABLE trials (
   {_columns(Trial)}, {_columns(Outcome)}, session TEXT NOT NULL REFERENCES sessions,
   UNIQUE ({", ".join(_names(Trial))}),
@@ -133,11 +134,32 @@ CREATE TRIGGER trials_never_change BEFORE UPDATE ON trials
   BEGIN SELECT RAISE(ABORT, 'a trial is never rewritten'); END;
 CREATE TRIGGER trials_never_go BEFORE DELETE ON trials
   BEGIN SELECT RAISE(ABORT, 'a trial is never deleted'); END;
+CREATE VIEW records AS SELECT * FROM trials JOIN sessions USING (session);
+"""
+_SCHEMA = f"""
+CREATE TABLE sessions ({_columns(Session)}, PRIMARY KEY (session));
+{_TRIALS}
 CREATE TABLE checks ({_columns(Check)});
 CREATE TABLE errors ({_columns(Errors)});
-CREATE VIEW records AS SELECT * FROM trials JOIN sessions USING (session);
-PRAGMA user_version = {VERSION};
 """
+_OLD_TRIALS = ", ".join(
+    name for name in (*_names(Trial), *_names(Outcome), "session") if name != "threads"
+)
+# From each version to the next: 1 had no errors; 2 had no threads, and errors of one study only. A
+# key cannot be extended in place, so the rows move to a new table.
+_MIGRATIONS = {
+    1: f"CREATE TABLE errors ({_columns(Errors).removeprefix('study TEXT NOT NULL, ')});",
+    2: f"""
+DROP VIEW records;
+DROP TRIGGER trials_never_change;
+DROP TRIGGER trials_never_go;
+ALTER TABLE trials RENAME TO old_trials;
+{_TRIALS}
+INSERT INTO trials ({_OLD_TRIALS}, threads) SELECT {_OLD_TRIALS}, 1 FROM old_trials;
+DROP TABLE old_trials;
+ALTER TABLE errors ADD COLUMN study TEXT NOT NULL DEFAULT 'accuracy';
+""",
+}
 
 
 class Store:
@@ -157,18 +179,17 @@ class Store:
     def _make_schema(self) -> None:
         self._db.execute("BEGIN IMMEDIATE")  # two processes may open a new store at once
         version = self._db.execute("PRAGMA user_version").fetchone()[0]
-        if version == 0:
-            for statement in _statements(_SCHEMA):
-                self._db.execute(statement)
-        if version == 1:  # had no errors yet
-            self._db.execute(f"CREATE TABLE errors ({_columns(Errors)})")
-            self._db.execute(f"PRAGMA user_version = {VERSION}")
-        self._db.execute("COMMIT")
-        if version not in (0, 1, VERSION):
+        if version > VERSION:
             raise UserError(
                 f"{self.path}: written by version {version} of the store, this is {VERSION}; "
                 "move it away to begin a new one"
             )
+        scripts = [_MIGRATIONS[old] for old in range(version, VERSION)] if version else [_SCHEMA]
+        for script in scripts:
+            for statement in _statements(script):
+                self._db.execute(statement)
+        self._db.execute(f"PRAGMA user_version = {VERSION}")
+        self._db.execute("COMMIT")
 
     def close(self) -> None:
         self._db.close()
@@ -216,9 +237,10 @@ class Store:
         rows = map(dict, self._db.execute("SELECT * FROM checks ORDER BY rowid"))
         return [row | {"figures": json.loads(row["figures"])} for row in rows]
 
-    def errors(self) -> list[dict[str, Any]]:
-        """All errors of configurations, oldest first."""
-        rows = map(dict, self._db.execute("SELECT * FROM errors ORDER BY rowid"))
+    def errors(self, study: str) -> list[dict[str, Any]]:
+        """All errors of configurations that a study asked for, oldest first."""
+        query = "SELECT * FROM errors WHERE study = ? ORDER BY rowid"
+        rows = map(dict, self._db.execute(query, [study]))
         return [row | {"figures": json.loads(row["figures"])} for row in rows]
 
     @contextmanager

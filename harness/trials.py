@@ -11,7 +11,7 @@ import numpy as np
 
 from harness import UserError, models
 from harness.machine import code_version
-from harness.schemes import precision
+from harness.schemes import PEERS, precision
 from harness.store import Outcome, Trial
 from harness.study import Configuration
 
@@ -22,7 +22,7 @@ def first(configuration: Configuration) -> Trial:
     return Trial(
         c.model, models.content_hash(c.model), c.shape,
         c.scheme, c.params, precision(json.loads(c.params)),
-        c.width, c.height, repeat=0, attempt=0, code_version=code_version(),
+        c.width, c.height, c.threads, repeat=0, attempt=0, code_version=code_version(),
     )  # fmt: skip
 
 
@@ -30,13 +30,15 @@ def run(trial: Trial) -> Outcome:
     """Measure. Counters come from a second, untimed render, so that counting slows nothing."""
     try:
         tree = models.tree(trial.model, trial.shape)
+        if trial.scheme in PEERS:
+            return _run_povray(trial, tree)
         tracer, mesh = models.build(trial.scheme, tree, json.loads(trial.params))
     except ValueError as error:  # tracers.ModelError is one
         return Outcome("unsupported", str(error))
     except UserError as error:
         return Outcome("error", str(error))
     view = models.scene(trial.model).view(trial.width, trial.height)
-    picture = tracer.render(view)
+    picture = tracer.render(view, threads=trial.threads)
     counted = tracer.render(view, count=True) if trial.repeat == 0 else None
     return Outcome(
         "ok",
@@ -48,6 +50,18 @@ def run(trial: Trial) -> Outcome:
         picture_hash=picture.hash,
         counters=counted and dict(counted.counters),
         facts=dict(tracer.facts),
+    )
+
+
+def _run_povray(trial: Trial, tree) -> Outcome:
+    from harness import povray_timing  # here, for with it comes what trials of schemes do not need
+
+    timing = povray_timing.timed(
+        tree, models.scene(trial.model), trial.width, trial.height,
+        json.loads(trial.params)["bounds"], trial.threads,
+    )  # fmt: skip
+    return Outcome(
+        "ok", build_s=timing.parse_s, trace_s=timing.trace_s, counters=timing.counters, facts={}
     )
 
 

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 
 from harness.store import Outcome, Trial
@@ -60,7 +61,8 @@ class Worker:
     def stop(self) -> None:
         """End the child; the next trial starts another."""
         if self._child:
-            self._child.kill()
+            with suppress(ProcessLookupError):
+                os.killpg(self._child.pid, signal.SIGKILL)  # and programs that it runs
             self._child.wait()
             self._child.stdin.close()
             self._child.stdout.close()

@@ -80,11 +80,11 @@ class Setting:
 
 def measure_missing(console: Console, study: Study, store: Store) -> None:
     """Errors of every model of which some configuration has none for this code."""
-    known = {_key(row) for row in store.errors()}
+    known = {_key(row) for row in store.errors(NAME)}
     for model, configurations in by_model(study.configurations).items():
         hashed = models.content_hash(model)
         records = [
-            Errors(c.model, hashed, c.shape, c.scheme, c.params, c.width, c.height,
+            Errors(NAME, c.model, hashed, c.shape, c.scheme, c.params, c.width, c.height,
                    code_version(), {}, "")
             for c in configurations
         ]  # fmt: skip
@@ -104,7 +104,7 @@ def _key(row: dict) -> tuple:
 def load(study: Study, store: Store) -> list[Setting]:
     """What has been measured in both ways, by the same code."""
     found: Results = results.load(store, study)
-    errors = {_key(row): row["figures"] for row in store.errors()}
+    errors = {_key(row): row["figures"] for row in store.errors(NAME)}
     first = {model: group[0] for model, group in by_model(study.configurations).items()}
     settings = []
     for r in found.tabled:

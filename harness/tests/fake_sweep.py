@@ -42,14 +42,21 @@ def run(trial: Trial) -> Outcome:
 
 def configuration(scheme: str, **settings) -> Configuration:
     defaults = dict(
-        params="{}", width=8, height=8, shape="as_written", repeats=3, budget_s=1e9, timeout_s=30.0
+        params="{}",
+        width=8,
+        height=8,
+        shape="as_written",
+        threads=1,
+        repeats=3,
+        budget_s=1e9,
+        timeout_s=30.0,
     )
     return Configuration("ball", scheme, **(defaults | settings))
 
 
 def first(c: Configuration) -> Trial:
     return Trial(
-        c.model, "hash", c.shape, c.scheme, c.params, "float64", c.width, c.height,
+        c.model, "hash", c.shape, c.scheme, c.params, "float64", c.width, c.height, c.threads,
         repeat=0, attempt=0, code_version="code",
     )  # fmt: skip
 

@@ -69,7 +69,7 @@ def settings(tmp_path, figures) -> list[report.Setting]:
         trial = Trial(
             "ball", report.models.content_hash("ball"), c.shape, c.scheme, c.params,
             precision(json.loads(c.params)),
-            SIDE, SIDE, 0, 0, report.code_version(),
+            SIDE, SIDE, threads=1, repeat=0, attempt=0, code_version=report.code_version(),
         )  # fmt: skip
         for repeat in range(3):
             seconds = n * (1 + repeat / 100)
@@ -78,7 +78,7 @@ def settings(tmp_path, figures) -> list[report.Setting]:
             )
             store.add_trial("s", dataclasses.replace(trial, repeat=repeat), outcome)
         record = report.Errors(
-            *dataclasses.astuple(trial)[:5], SIDE, SIDE, trial.code_version, found, ""
+            report.NAME, *dataclasses.astuple(trial)[:5], SIDE, SIDE, trial.code_version, found, ""
         )
         store.add_errors(record)
     study = dataclasses.replace(STUDY, configurations=tuple(configurations))

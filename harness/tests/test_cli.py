@@ -57,7 +57,7 @@ def test_help_teaches():
         (["trace", "ball", "--size", "0x9"], "size '0x9'"),
         (["trace", "ball", "--size", "999999x999999"], "pixels"),
         (["trace", "ball", "-o", "ball.gif"], "ball.gif: a picture is written as .png or .exr"),
-        (["sweep", "nope"], "no study 'nope'; known: accuracy, grid, paper"),
+        (["sweep", "nope"], "no study 'nope'; known: accuracy, bench, grid, paper"),
         (["reference", "nope"], "no scene 'nope'"),
         (["tables", "--results", "/nonexistent"], "nothing measured yet; run `csgbench sweep`"),
         (["plots", "--results", "/nonexistent"], "nothing measured yet"),

@@ -141,3 +141,26 @@ def test_a_tracer_takes_it(tmp_path):
         hits = tracers.make(name, tree, {}, arrays).trace(ray)
         assert hits.t[0] == pytest.approx(7.0, abs=1e-3)
         assert hits.leaf[0] == 0
+
+
+def test_packets_find_what_single_rays_find(tmp_path):
+    """Of every length, and with rays among them that are none."""
+    tree = leaf("torus", (2.0, 0.5, 0), ROTATION)
+    mesh = tessellate(tree, 64, tmp_path)
+    arrays = (mesh.vertices, mesh.triangles, mesh.leaf_of_triangle)
+    one, sixteen = (tracers.make("embree_mesh", tree, {"packet": n}, arrays) for n in (1, 16))
+    rng = np.random.default_rng(0)
+    rays = np.zeros((1003, 8))
+    rays[:, :3] = [3.0, -2.0, 9.0]
+    rays[:, 3:6] = rng.normal((0, 0, -1), 0.2, (1003, 3))
+    rays[:, 7] = np.where(rng.random(1003) < 0.2, rng.uniform(-1, 9, 1003), np.inf)
+    rays[::50, 3:6] = 0
+    for some in (rays, rays[:17], rays[:1]):
+        alone, together = one.trace(some), sixteen.trace(some)
+        assert (alone.leaf == together.leaf).all()
+        assert np.allclose(alone.t, together.t, rtol=1e-6)
+        assert np.allclose(alone.normal, together.normal, atol=1e-5)
+        assert (one.occluded(some) == sixteen.occluded(some)).all()
+    assert 100 < (one.trace(rays).leaf == 0).sum() < 900
+    with pytest.raises(ValueError, match="'packet' is 1 or 16"):
+        tracers.make("embree_mesh", tree, {"packet": 4}, arrays)

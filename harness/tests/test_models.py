@@ -140,7 +140,7 @@ def test_a_structure_that_is_too_large_is_one_line_and_a_row(monkeypatch):
     monkeypatch.setattr(tracers, "make", make)
     with pytest.raises(UserError, match="naive: the structure would exceed 4 GiB"):
         models.build("naive", models.tree("ball"), {})
-    trial = trials.first(Configuration("ball", "naive", "{}", 8, 8, "as_written", 1, 1.0, 1.0))
+    trial = trials.first(Configuration("ball", "naive", "{}", 8, 8, "as_written", 1, 1, 1.0, 1.0))
     outcome = trials.run(trial)
     assert (outcome.status, outcome.reason) == ("error", "naive: the structure would exceed 4 GiB")
 

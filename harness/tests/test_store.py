@@ -87,6 +87,35 @@ def test_a_file_that_is_no_store_is_refused_in_one_line(tmp_path):
         Store(path)
 
 
+def test_an_older_store_is_brought_up_to_date_and_its_rows_are_kept(tmp_path):
+    """Version 2 had no threads, and errors of one study only."""
+    store = Store(tmp_path / "trials.sqlite")
+    store.add_session(session("s"))
+    store.add_trial("s", TRIAL, Outcome("ok", trace_s=0.1 + 0.2, counters={"cells": 3}))
+    old = store._db
+    old.executescript("""
+        DROP TRIGGER trials_never_change; DROP TRIGGER trials_never_go; DROP VIEW records;
+        CREATE TABLE kept AS SELECT * FROM trials; DROP TABLE trials;
+        ALTER TABLE kept RENAME TO trials; ALTER TABLE trials DROP COLUMN threads;
+        CREATE TRIGGER trials_never_change BEFORE UPDATE ON trials BEGIN SELECT 1; END;
+        CREATE TRIGGER trials_never_go BEFORE DELETE ON trials BEGIN SELECT 1; END;
+        CREATE VIEW records AS SELECT * FROM trials JOIN sessions USING (session);
+        ALTER TABLE errors DROP COLUMN study;
+        PRAGMA user_version = 2;""")
+    store.close()
+    for _ in range(2):
+        store = Store(tmp_path / "trials.sqlite")
+        (row,) = store.records().to_dict("records")
+        assert (row["threads"], row["trace_s"], row["scheme"]) == (1, 0.1 + 0.2, "sdsm")
+        assert list(store.trials({TRIAL.code_version})) == [TRIAL]
+        assert store.errors("accuracy") == []
+    with pytest.raises(sqlite3.IntegrityError, match="never"):
+        store._db.execute("DELETE FROM trials")
+    with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
+        store.add_trial("s", TRIAL, Outcome("ok"))
+    store.add_trial("s", dataclasses.replace(TRIAL, threads=2), Outcome("ok"))
+
+
 def test_a_store_of_another_version_is_refused(tmp_path):
     path = tmp_path / "trials.sqlite"
     sqlite3.connect(path).execute("PRAGMA user_version = 99")

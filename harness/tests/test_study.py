@@ -43,7 +43,51 @@ def test_lists_stand_for_every_value_and_defaults_are_filled_in(tmp_path):
     assert others[0].label() == "ball sdsm d=3 h=7"
 
 
+def test_threads_are_a_dimension_and_all_are_the_machines(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 6)
+    text = (
+        "threads = [1, 'all']\n" + RUN + "[[runs]]\nmodels = 'ngk'\nschemes = 'sdsm'\nthreads = 2\n"
+    )
+    read = study(tmp_path, text)
+    assert [(c.model, c.threads) for c in read.configurations] == [
+        ("ball", 1),
+        ("ball", 6),
+        ("ngk", 2),
+    ]
+    assert read.configurations[1].label() == "ball sdsm d=6 h=7 on 6 threads"
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    assert [c.threads for c in study(tmp_path, text).configurations] == [1, 2]
+
+
+def test_an_ablation_is_a_configuration_and_it_with_one_thing_changed(tmp_path):
+    read = study(
+        tmp_path,
+        RUN
+        + """
+        [[ablations]]
+        models = ["ball", "ngk"]
+        scheme = "hybrid_sdsm"
+        params = { d = 6, h = 7, bound = "all" }
+        repeats = 9
+        [ablations.without]
+        "levels" = { d = 2 }
+        "bounds" = { scheme = "sdsm", d = 6, h = 7 }
+        """,
+    )
+    assert [c.label() for c in read.runs] == ["ball sdsm d=6 h=7"]
+    assert len(read.configurations) == 6  # what a run has already is not measured twice
+    on_ball, on_ngk = read.ablations
+    assert on_ngk.base.label() == "ngk hybrid_sdsm bound=all d=6 h=7 passes=one"
+    assert {what: c.label() for what, c in on_ngk.without.items()} == {
+        "levels": "ngk hybrid_sdsm bound=all d=2 h=7 passes=one",
+        "bounds": "ngk sdsm d=6 h=7",
+    }
+    assert on_ball.without["bounds"] is read.runs[0]
+    assert on_ngk.base.repeats == 9
+
+
 RUN = "[[runs]]\nmodels = 'ball'\nschemes = 'sdsm'\n"
+ABLATION = "[[ablations]]\nmodels = 'ball'\nscheme = 'sdsm'\n"
 
 
 @pytest.mark.parametrize(
@@ -52,7 +96,18 @@ RUN = "[[runs]]\nmodels = 'ball'\nschemes = 'sdsm'\n"
         ("repeats = \n", "mine.toml:1:11: Invalid value"),
         ("[[runs]]\n[[runs]\n", "mine.toml:2:"),
         ("title = 'x'\n", r"mine.toml: needs at least one \[\[runs\]\]"),
-        ("runs = 3\n", "needs at least one"),
+        ("runs = 3\n", r"'runs' is written as \[\[runs\]\], at least one"),
+        (RUN + "threads = 0\n", "runs 1: 'threads' is a positive number, \"all\", or a list"),
+        (RUN + "threads = []\n", "runs 1: 'threads' is"),
+        (RUN + "threads = 'most'\n", "runs 1: 'threads' is"),
+        (RUN + "[ablations]\n", r"'ablations' is written as \[\[ablations\]\]"),
+        (RUN + "[[ablations]]\nwithouts = 1\n", "ablations 1: unknown key 'withouts'"),
+        (RUN + "[[ablations]]\nmodels = 'ball'\n", "ablations 1: 'scheme' is a name"),
+        (RUN + ABLATION + "without = { x = 3 }\n", "'without' a table of tables"),
+        (
+            RUN + ABLATION + "without = { x = { d = 99 } }\n",
+            "ablations 1: sdsm: parameter 'd' is 99",
+        ),
         ("repeat = 2\n", "mine.toml: unknown key 'repeat'; known: .*repeats"),
         (RUN + "scheme = 'naive'\n", "mine.toml: runs 1: unknown key 'scheme'; known: .*schemes"),
         (RUN + RUN, "runs 2: 'ball sdsm d=6 h=7' is listed twice"),
@@ -81,7 +136,7 @@ def test_a_binary_file_and_a_missing_one(tmp_path):
     (tmp_path / "b.toml").write_bytes(b"\xff\x00")
     with pytest.raises(UserError, match="UTF-8"):
         load(tmp_path / "b.toml")
-    with pytest.raises(UserError, match="known: accuracy, grid, paper"):
+    with pytest.raises(UserError, match="known: accuracy, bench, grid, paper"):
         find("papers")
 
 

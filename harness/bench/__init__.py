@@ -1,0 +1,1 @@
+"""Our schemes beside POV-Ray and Embree: the same pictures, one thread and all."""
