@@ -364,36 +364,60 @@ class Walker {
   void walk(Mask lanes, int octant) {
     struct Task {
       std::int32_t node;
+      Mask lanes;
     } stack[8 * 24];
     int top = 0;
-    stack[top++] = {0};
     active_ = lanes;
     limit_ = packet_.end;
-    while (top > 0 && active_) {
-      const Node& node = model_.nodes[stack[--top].node];
-      if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(active_));
-      F enter = F{}, exit = limit_;
-      for (int axis = 0; axis < 3; ++axis) {
-        const bool down = octant >> axis & 1;
-        const float nearer = down ? node.hi[axis] : node.lo[axis], farther = down ? node.lo[axis] : node.hi[axis];
-        enter = max(enter, nearer * packet_.inverse[axis] - packet_.scaled[axis]);
-        exit = min(exit, farther * packet_.inverse[axis] - packet_.scaled[axis]);
-      }
-      const Mask met = active_ & at_most(enter, exit);
+    F enter, exit;
+    stack[top++] = {0, meets(model_.nodes[0], octant, enter, exit)};
+    while (top > 0) {
+      const Task task = stack[--top];
+      const Mask met = task.lanes & active_;
       if (!met) continue;
+      const Node& node = model_.nodes[task.node];
       if (node.octants == 0) {
-        pass(model_.cells[node.link], met, enter, exit);
+        const Mask still = met & meets(node, octant, enter, exit);
+        if (still) pass(model_.cells[node.link], still, enter, exit);
+        if (!active_) return;
         continue;
       }
-      // The last octant first, so that the first is on top. Bit i ^ octant of a mask, for i from 7 down.
-      for (int i = 7; i >= 0; --i) {
-        const unsigned bit = 1u << (i ^ octant);
-        if (node.octants & bit) stack[top++] = {node.link + count_of(node.octants & (bit - 1))};
+      // The last of the children first, so that the first is on top. Each is pushed, and kept if it is met: no
+      // branch hangs on the answer.
+      for (unsigned order = turned(node.octants, octant); order;) {
+        const int last = 31 - __builtin_clz(order);
+        order ^= 1u << last;
+        const unsigned bit = 1u << (last ^ octant);
+        const std::int32_t child = node.link + count_of(node.octants & (bit - 1));
+        const Mask lanes_met = met & meets(model_.nodes[child], octant, enter, exit);
+        stack[top] = {child, lanes_met};
+        top += lanes_met != 0;
       }
     }
   }
 
  private:
+  /// Bit i of a mask of octants to bit i ^ octant.
+  static unsigned turned(unsigned octants, int octant) {
+    if (octant & 1) octants = (octants & 0x55) << 1 | (octants & 0xaa) >> 1;
+    if (octant & 2) octants = (octants & 0x33) << 2 | (octants & 0xcc) >> 2;
+    if (octant & 4) octants = (octants & 0x0f) << 4 | (octants & 0xf0) >> 4;
+    return octants;
+  }
+
+  /// The interval in a box of rays that go to the signs of `octant`.
+  Mask meets(const Node& node, int octant, F& enter, F& exit) const {
+    if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(active_));
+    enter = F{}, exit = limit_;
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool down = octant >> axis & 1;
+      const float nearer = down ? node.hi[axis] : node.lo[axis], farther = down ? node.lo[axis] : node.hi[axis];
+      enter = max(enter, nearer * packet_.inverse[axis] - packet_.scaled[axis]);
+      exit = min(exit, farther * packet_.inverse[axis] - packet_.scaled[axis]);
+    }
+    return at_most(enter, exit);
+  }
+
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
     if (!cell.trusted) {
