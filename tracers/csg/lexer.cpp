@@ -17,8 +17,7 @@ constexpr bool is_symbol(char c) { return std::string_view("()[]{},;=!#%*").find
 /// it is anything else. Exact: digits below 2⁵³ and a power of ten that is a double make one rounding
 /// (Clinger 1990).
 const char* read_short_decimal(const char* first, const char* end, double& number) {
-  constexpr double kTen[] = {1,    1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                             1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+  constexpr double kTen[] = {1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
   constexpr int kMostDigits = 15;
   const bool negative = first < end && *first == '-';
   const char* at = first + negative;

@@ -101,7 +101,7 @@ const SchemeInfo scheme_embree_cells{
     .title = "Embree BVH over the hybrid's cells",
     .params = octree_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<EmbreeCells>(std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")});
+      return std::make_unique<EmbreeCells>(std::move(tree), OctreeLimits::of(params));
     }};
 
 }  // namespace csg
