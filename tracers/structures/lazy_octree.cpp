@@ -30,7 +30,10 @@ LazyCell::State LazyOctree::built(LazyCell& cell) const {
     return state == State::Pending ? built(cell) : state;
   }
   try {
-    state = build(cell);
+    std::unique_ptr<Workshop> workshop = take_workshop();
+    state = build(cell, *workshop);
+    const std::lock_guard lock(idle_mutex_);
+    idle_.push_back(std::move(workshop));
   } catch (...) {
     cell.state = State::Pending;
     cell.state.notify_all();
@@ -41,41 +44,43 @@ LazyCell::State LazyOctree::built(LazyCell& cell) const {
   return state;
 }
 
-LazyCell::State LazyOctree::build(LazyCell& cell) const {
+std::unique_ptr<LazyOctree::Workshop> LazyOctree::take_workshop() const {
+  const std::lock_guard lock(idle_mutex_);
+  if (idle_.empty())
+    return std::make_unique<Workshop>(
+        Workshop{CellClassifier(model_), SBoundMaker(model_, bounds_, passes_), {}, {}, {}});
+  std::unique_ptr<Workshop> workshop = std::move(idle_.back());
+  idle_.pop_back();
+  return workshop;
+}
+
+LazyCell::State LazyOctree::build(LazyCell& cell, Workshop& workshop) const {
   const Box box = box_of(cell);
   if (limits_.divides(model_, cell.tree, box, cell.level)) {
     if (committed_ <= limits_.most_bytes) {
-      divide(cell, box);
+      divide(cell, box, workshop);
       return State::Divided;
     }
     ++over_budget_;
   }
-  SBoundMaker(model_, bounds_, passes_).add(cell.tree, box, cell.sbounds);
-  cell.sbounds.shrink_to_fit();
+  workshop.sbounds.clear();
+  workshop.maker.add(cell.tree, box, workshop.sbounds);
+  cell.sbounds.assign(workshop.sbounds.begin(), workshop.sbounds.end());  // no more than it needs
   committed_ += cell.sbounds.size() * sizeof(SBound);
   return State::Partial;
 }
 
-void LazyOctree::divide(LazyCell& cell, const Box& box) const {
-  std::unique_ptr<CellClassifier> classifier;
-  {
-    const std::lock_guard lock(idle_mutex_);
-    if (!idle_.empty()) classifier = std::move(idle_.back()), idle_.pop_back();
-  }
-  if (!classifier) classifier = std::make_unique<CellClassifier>(model_);
-
-  Class kinds[8];
-  std::vector<TreeNode> trees[8];
-  classifier->localize_octants(cell.tree, box, kinds, trees);
+void LazyOctree::divide(LazyCell& cell, const Box& box, Workshop& workshop) const {
+  workshop.classifier.localize_octants(cell.tree, box, workshop.kinds, workshop.trees);
   auto octants = std::make_unique<LazyCell[]>(8);
   std::size_t bytes = 0;
   for (int i = 0; i < 8; ++i) {
     LazyCell& octant = octants[static_cast<std::size_t>(i)];
     octant.level = static_cast<std::uint8_t>(cell.level + 1);
     octant.path = cell.path << 3 | static_cast<std::uint64_t>(i);
-    octant.is_full = kinds[i] == Class::Full;
-    if (kinds[i] == Class::Partial)
-      octant.tree.assign(trees[i].begin(), trees[i].end());  // no more than it needs
+    octant.is_full = workshop.kinds[i] == Class::Full;
+    if (workshop.kinds[i] == Class::Partial)
+      octant.tree.assign(workshop.trees[i].begin(), workshop.trees[i].end());
     else
       octant.state = State::Constant;
     bytes += bytes_of(octant);
@@ -84,9 +89,6 @@ void LazyOctree::divide(LazyCell& cell, const Box& box) const {
   committed_ -= cell.tree.size() * sizeof(TreeNode);
   cell.octants = std::move(octants);
   cell.tree = {};
-
-  const std::lock_guard lock(idle_mutex_);
-  idle_.push_back(std::move(classifier));
 }
 
 /// As the eager octree computes it.

@@ -66,9 +66,19 @@ class LazyOctree {
  private:
   using State = LazyCell::State;
 
+  /// What a thread needs to build a cell; used again, so that its memory is.
+  struct Workshop {
+    CellClassifier classifier;
+    SBoundMaker maker;
+    Class kinds[8];
+    std::vector<TreeNode> trees[8];
+    std::vector<SBound> sbounds;
+  };
+
   State built(LazyCell& cell) const;
-  State build(LazyCell& cell) const;
-  void divide(LazyCell& cell, const Box& box) const;
+  State build(LazyCell& cell, Workshop& workshop) const;
+  void divide(LazyCell& cell, const Box& box, Workshop& workshop) const;
+  std::unique_ptr<Workshop> take_workshop() const;
   Box box_of(const LazyCell& cell) const;
   std::size_t bytes_of(const LazyCell& cell) const;
   template <class Visit>
@@ -83,7 +93,7 @@ class LazyOctree {
   mutable std::atomic<std::size_t> committed_ = 0;  // bytes
   mutable std::atomic<std::size_t> over_budget_ = 0;
   mutable std::mutex idle_mutex_;
-  mutable std::vector<std::unique_ptr<CellClassifier>> idle_;  // their memory is used again
+  mutable std::vector<std::unique_ptr<Workshop>> idle_;
 };
 
 }  // namespace csg
