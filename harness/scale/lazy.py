@@ -54,18 +54,20 @@ def load(folder: Path) -> list[dict]:
 def measure(model: str) -> dict:
     """Times are wall times with all cores, in seconds; the least of the rounds."""
     path, scene = models.csg(model), models.scene(model)
-    load_s = []
+    loads = []
     for _ in range(ROUNDS):
-        begin = time.perf_counter()
+        begin = time.perf_counter(), time.process_time()
         tree = tracers.load_csg(str(path))
-        load_s.append(time.perf_counter() - begin)
+        loads.append((time.perf_counter() - begin[0], time.process_time() - begin[1]))
+    load_s, load_cpu_s = np.min(loads, axis=0).tolist()
     row = {
         "model": model,
         "family": model.partition("@")[0],
         "halfspaces": tree.halfspaces,
         "code_version": code_version(),
         "csg_bytes": path.stat().st_size,
-        "load_s": min(load_s),
+        "load_s": load_s,
+        "load_cpu_s": load_cpu_s,
     }
     close = close_up(tree, scene)
     for name, views, rounds in (
@@ -115,6 +117,8 @@ def _break_even(eager: np.ndarray, lazy: np.ndarray, rays: np.ndarray) -> float:
     start of building: between the views where they cross; beyond the last, as the last one's gain
     would have it; infinite if it gains nothing."""
     ahead = lazy - eager  # ≥ 0: eager is done sooner
+    if ahead[0] >= 0:
+        return 0.0
     for i in range(1, len(rays)):
         if ahead[i] >= 0:
             share = -ahead[i - 1] / (ahead[i] - ahead[i - 1])

@@ -16,8 +16,8 @@ FAMILIES = ("ball", "ngk")
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 SIDE = 256  # pixels of the square picture
 REPEATS = 3
-BUDGET_S = 30.0  # no further repeat once build and trace times would add up to more
-TIMEOUT_S = 60.0  # for one trial: load, build, trace, trace again to count
+BUDGET_S = 20.0  # no further repeat once build and trace times would add up to more
+TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
 
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
 # on around what cannot be separated, and ngk takes 3 kB a halfspace.
