@@ -22,12 +22,15 @@ TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
 # on around what cannot be separated, and ngk takes 3 kB a halfspace.
 DEPTH, HALFSPACES = 20, 20
+FACETS = 32  # a circle, as in the paper's study
 CUTS = 40  # of a binary subdivision: 2⁴⁰ regions
 
 
 def settings(scheme: str, size: int) -> Params:
     """Of a scheme at a size; what is not named here has its default."""
     declared = {p.name: p for p in catalogue()[scheme].parameters}
+    if catalogue()[scheme].needs_mesh:
+        return {"segments": FACETS}
     if scheme == "uniform_grid":  # about as many voxels a halfspace at every size
         return {"n": round(4 * size ** (1 / 3))}
     if {"d", "h"} <= declared.keys():

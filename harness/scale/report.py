@@ -78,7 +78,7 @@ def growth_table(family: str, grown: Results) -> Table:
             bytes_each = r.structure_bytes / n
             rows.append([_name(r.scheme), n, r.build_s, bytes_each, ray_ns(r), len(r.rows), ""])
         else:
-            rows.append([_name(r.scheme), n, None, None, None, 0, _why_not(r)])
+            rows.append([_name(r.scheme), n, None, None, None, 0, _why_not(r, grown)])
     order = [_name(scheme) for scheme in catalogue()]
     rows.sort(key=lambda row: (order.index(row[0]), row[1]))
     columns = [
@@ -105,10 +105,14 @@ def _name(scheme: str) -> str:
     return scheme if catalogue()[scheme].exact else f"{scheme} (inexact)"
 
 
-def _why_not(result: Result) -> str:
-    if result.status == "not run":
-        return "not tried: a smaller one did not finish"
-    return f"{result.status}: {result.reason}"
+def _why_not(result: Result, grown: Results) -> str:
+    if result.status != "not run":
+        return f"{result.status}: {result.reason}"
+    family, _, n = result.model.partition("@")
+    smaller = {f"{family}@{size}" for size in SIZES if size < int(n)}
+    of = [r for r in grown.all if r.scheme == result.scheme and r.model in smaller]
+    failed = any(r.status not in ("ok", "not run") for r in of)
+    return "not tried: a smaller one did not finish" if failed else "not measured yet"
 
 
 def exponent_table(grown: Results) -> Table:
