@@ -63,6 +63,7 @@ class Octree::Builder {
     for (int level = 0; !open.empty(); ++level) {
       std::vector<Batch> made;
       std::vector<Open> next;
+      const std::size_t batch = std::clamp<std::size_t>(open.size() / 8, 1, kMostInBatch);
       for (std::size_t begin = 0; begin < open.size(); begin += kRound) {
         const auto round = std::span(open).subspan(begin, std::min(kRound, open.size() - begin));
         if (committed_ > limits_.most_bytes) {
@@ -71,12 +72,12 @@ class Octree::Builder {
           continue;
         }
         const std::size_t first = made.size();
-        made.resize(first + (round.size() + kBatch - 1) / kBatch);
+        made.resize(first + (round.size() + batch - 1) / batch);
         in_parallel(threads_, made.size() - first, [&](std::size_t i, std::size_t thread) {
-          divide(round.subspan(i * kBatch, std::min(kBatch, round.size() - i * kBatch)), level, classifiers_[thread],
+          divide(round.subspan(i * batch, std::min(batch, round.size() - i * batch)), level, classifiers_[thread],
                  made[first + i]);
         });
-        for (std::size_t i = first; i < made.size(); ++i) add(made[i], round.subspan((i - first) * kBatch), next);
+        for (std::size_t i = first; i < made.size(); ++i) add(made[i], round.subspan((i - first) * batch), next);
       }
       if (!made.empty()) octree_.deepest_level_ = level + 1;
       held = std::move(made);
@@ -153,7 +154,7 @@ class Octree::Builder {
   }
 
   static constexpr std::size_t kRoot = ~std::size_t{0};
-  static constexpr std::size_t kBatch = 16, kRound = 64 * kBatch;
+  static constexpr std::size_t kMostInBatch = 16, kRound = 1024;
 
   Octree& octree_;
   const CsgTree& model_;
