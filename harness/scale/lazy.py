@@ -114,17 +114,18 @@ def _compare(tree: tracers.CsgTree, views: list[Scene], rounds: int) -> dict:
 
 def _break_even(eager: np.ndarray, lazy: np.ndarray, rays: np.ndarray) -> float:
     """The number of rays from which on eager has taken less time, both times summed up from the
-    start of building: between the views where they cross; beyond the last, as the last one's gain
-    would have it; infinite if it gains nothing."""
+    start of building: between the views where they cross for the last time; beyond the last view,
+    as its gain would have it; infinite if it gains nothing."""
     ahead = lazy - eager  # ≥ 0: eager is done sooner
-    if ahead[0] >= 0:
+    if ahead[-1] < 0:
+        gain = ahead[-1] - ahead[-2]
+        return float(rays[-1] + break_even(-ahead[-1], gain) * (rays[-1] - rays[-2]))
+    behind = np.flatnonzero(ahead < 0)
+    if len(behind) == 0:
         return 0.0
-    for i in range(1, len(rays)):
-        if ahead[i] >= 0:
-            share = -ahead[i - 1] / (ahead[i] - ahead[i - 1])
-            return float(rays[i - 1] + share * (rays[i] - rays[i - 1]))
-    gain = ahead[-1] - ahead[-2]
-    return float(rays[-1] + break_even(-ahead[-1], gain) * (rays[-1] - rays[-2]))
+    i = behind[-1]
+    share = -ahead[i] / (ahead[i + 1] - ahead[i])
+    return float(rays[i] + share * (rays[i + 1] - rays[i]))
 
 
 def close_up(tree: tracers.CsgTree, scene: Scene) -> Scene:

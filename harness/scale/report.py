@@ -22,7 +22,6 @@ from harness.table import (
     megabytes,
     milliseconds,
     number,
-    percent,
     write_forms,
 )
 
@@ -145,6 +144,11 @@ def exponent_table(grown: Results) -> Table:
     return Table(NAME, "How each scheme grows with n halfspaces", columns, rows, notes, 2)
 
 
+def _percent(share: float) -> str:
+    """To three digits, for shares down to a detail's of a large model."""
+    return number(100 * share)
+
+
 def lazy_table(rows: Iterable[dict]) -> Table:
     """What a lazy octree builds and takes, for each task."""
     shown = []
@@ -160,8 +164,8 @@ def lazy_table(rows: Iterable[dict]) -> Table:
         Column("family", "family", align="l"),
         Column("halfspaces", "halfspaces", integer),
         Column("task", "task", align="l"),
-        Column("fraction_built", "cells built %", percent),
-        Column("fraction_bytes", "bytes %", percent),
+        Column("fraction_built", "cells built %", _percent),
+        Column("fraction_bytes", "bytes %", _percent),
         Column("build_s", "eager build s", number),
         Column("eager_s", "eager", number, group="build and trace s"),
         Column("lazy_s", "lazy", number, group="build and trace s"),
