@@ -11,7 +11,7 @@ PYTHON := $(VENV)/bin/python
 BENCH := $(VENV)/bin/csgbench
 SOURCES := $(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def) CMakeLists.txt pyproject.toml
 
-.PHONY: help setup sweep bench test check conformance accuracy stability reference report publish paper lock format clean
+.PHONY: help setup sweep bench test check conformance accuracy stability scale reference report publish paper lock format clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,6 +40,9 @@ accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 
 stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
+
+scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: half an hour
+	@$(BENCH) scale
 
 reference: setup  ## render POV-Ray's pictures and compare ours with them
 	@$(BENCH) reference

@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from harness import PUBLISHED, RESULTS, ROOT, STORE, UserError
+
+if TYPE_CHECKING:
+    from harness.study import Configuration
 
 app = typer.Typer(
     help="""Measure acceleration schemes for ray tracing CSG solids.
@@ -30,6 +33,7 @@ app = typer.Typer(
     csgbench plots
     csgbench accuracy             speed for accuracy, one knob at a time
     csgbench stability            numerical stability at the extremes
+    csgbench scale                growth with the model, to a million halfspaces
     csgbench oracle ball --pixel 200,310
     """,
     no_args_is_help=True,
@@ -186,6 +190,8 @@ def tables(
         _tables(study, results)
         _accuracy_tables(results)
         _bench(results)
+
+        _scale_tables(results)
         _publish(publish, results)
 
 
@@ -299,23 +305,64 @@ def stability(
             raise typer.Exit(1)
 
 
+@app.command()
+def scale(
+    seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
+    publish: Publish = False,
+    results: Results = RESULTS,
+) -> None:
+    """Measure how build, memory and rays grow with the model, from 10³ to 10⁶ halfspaces; and what
+    a lazy octree saves. Then its tables and plots, to results/scale/.
+
+    Every scheme is measured on both families, ball and ngk, at each size for as long as it
+    finishes: one that took too long or ran out of memory is not tried on a larger model, and the
+    tables say why. Models are made by `python -m generators` the first time, which takes some
+    minutes; then about half an hour on two cores. It can be stopped at any moment; the same command
+    goes on from there.
+
+    \b
+    csgbench scale
+    csgbench trace ball@100000 --scheme sdsm --set d=20 h=20 build=lazy -o balls.png
+    """
+    with _one_line_errors():
+        from harness.scale import lazy, plan
+        from harness.store import Store
+
+        told = lambda line: out.print(line, highlight=False)  # noqa: E731
+        plan.make_models(told)
+        for step in range(len(plan.SIZES) * len(plan.FAMILIES)):
+            configurations = plan.step(step, Store(results / STORE))
+            _measure_all(plan.NAME, configurations, seed, False, results)
+        lazy.measure_missing(results, told)
+        _scale_tables(results)
+        _publish(publish, results)
+
+
 def _measure(study: str, seed: int, retry: bool, folder: Path) -> bool:
     """Every trial of a study that has no row yet. Whether any failed."""
-    from harness import machine, progress, report, trials
+    from harness.report import load_study
+
+    planned = load_study(study)
+    return _measure_all(planned.name, planned.configurations, seed, retry, folder)
+
+
+def _measure_all(
+    study: str, configurations: Sequence[Configuration], seed: int, retry: bool, folder: Path
+) -> bool:
+    from harness import machine, progress, trials
     from harness import sweep as sweeps
     from harness.store import Store
 
-    planned = report.load_study(study)
     store = Store(folder / STORE)
     with store.alone(), progress.Report(out) as shown:
-        session = machine.session(planned.name, seed)
+        session = machine.session(study, seed)
         store.add_session(session)
         sweeps.sweep(
-            planned.configurations, trials.first, store, session.session, shown,
+            configurations, trials.first, store, session.session, shown,
             seed=seed, retry=retry,
         )  # fmt: skip
     counts = ", ".join(f"{n} {status}" for status, n in shown.statuses.items())
-    out.print(f"{planned.name}: {counts or 'nothing was left to run'}")
+    out.print(f"{study}: {counts or 'nothing was left to run'}")
     return bool(shown.statuses.keys() - {"ok", "unsupported"})
 
 
@@ -361,6 +408,16 @@ def _bench(folder: Path, measure_errors: bool = False) -> None:
         out.print(f"bench: {report.write(bench, folder)}")
     for line in bench.results.refusals():
         err.print(f"not tabled: {line}", style="red", markup=False)
+
+def _scale_tables(folder: Path) -> None:
+    """And its plots, of what `csgbench scale` has measured, if it has."""
+    from harness import results
+    from harness.scale import lazy, plan, report
+    from harness.store import Store
+
+    grown = results.load(Store(folder / STORE), plan.study())
+    if grown.tabled:
+        out.print(f"scale: {report.write(grown, lazy.load(folder), folder)}")
 
 
 def _plots(study: str, folder: Path) -> None:

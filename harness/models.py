@@ -1,4 +1,5 @@
-"""The models of models/scenes.toml as tracers see them. Trees and meshes are kept in memory."""
+"""The models of models/scenes.toml as tracers see them, and generated ones: `ball@1000` is a model
+of the family ball with 1000 halfspaces. Trees and meshes are kept in memory."""
 
 from __future__ import annotations
 
@@ -8,9 +9,10 @@ from functools import cache
 from pathlib import Path
 
 import tracers
+from generators import MODELS, synthesize
 from harness import RESULTS, UserError
 from harness.mesh import Mesh, tessellate
-from harness.openscad import to_csg
+from harness.openscad import to_csg, version
 from harness.scenes import Scene, frame, load_scenes
 from harness.schemes import Params, catalogue
 
@@ -19,6 +21,8 @@ CACHE = RESULTS / "cache"
 
 @cache
 def scene(model: str) -> Scene:
+    if "@" in model:
+        return frame(tree(model), csg(model))
     scenes = load_scenes()
     if model not in scenes:
         raise UserError(f"no scene '{model}' in models/scenes.toml; known: {', '.join(scenes)}")
@@ -27,7 +31,21 @@ def scene(model: str) -> Scene:
 
 def csg(model: str) -> Path:
     """The .csg that OpenSCAD makes of it."""
-    return to_csg(scene(model).model, CACHE)
+    return generated(model) if "@" in model else to_csg(scene(model).model, CACHE)
+
+
+def generated(model: str) -> Path:
+    """Made anew only when a source of models/, or OpenSCAD, has changed."""
+    family, _, halfspaces = model.partition("@")
+    if not halfspaces.isdecimal():
+        raise UserError(f"'{model}' is not of the form family@halfspaces, such as ball@1000")
+    sources = b"".join(file.read_bytes() for file in sorted(MODELS.glob("*.scad")))
+    of = hashlib.sha256(sources + version().encode()).hexdigest()[:16]
+    path = CACHE / f"{family}-{halfspaces}-{of}.csg"
+    if not path.exists():
+        CACHE.mkdir(parents=True, exist_ok=True)
+        synthesize(family, int(halfspaces), 1, path)
+    return path
 
 
 @cache

@@ -31,7 +31,7 @@ def trace(
     if output and output.suffix.lower() not in (".png", ".exr"):
         raise UserError(f"{output}: a picture is written as .png or .exr")
 
-    if model in load_scenes():
+    if model in load_scenes() or "@" in model:
         tree, scene = models.tree(model), models.scene(model)
     else:
         tree, scene = models.from_file(Path(model))
@@ -44,6 +44,9 @@ def trace(
     view = scene.view(width, height)
     picture = tracer.render(view)
     counted = tracer.render(view, count=True, cost=True)
+    if undivided := tracer.facts.get("cells_over_budget"):
+        line = f"warning: the memory budget was spent, {integer(undivided)} cells stay undivided"
+        console.print(line, style="yellow", markup=False)
     if output:
         write_picture(output, counted)
 

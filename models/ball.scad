@@ -7,6 +7,7 @@ halfspaces = 612;      // primitives in all
 most_per_ball = 612;   // primitives in one ball, at most
 seed = 1;              // draws the differences between dimples and between balls
 vary = 0;              // how large those are: 0 all alike, 0.2 twenty percent
+made = undef;          // numbers of the balls to make: all, or a list
 
 ball_r = 10;           // outside of the shell
 wall = 1.3;            // thickness of the shell
@@ -112,6 +113,6 @@ module ball(n, seed) {
 
 seeds = rands(0, 1e6, balls, seed);
 side = ceil(pow(balls, 1 / 3) - 1e-9);
-for (i = [0:balls - 1])
+for (i = is_undef(made) ? [0:balls - 1] : made)
     translate(pitch * [i % side, floor(i / side) % side, floor(i / (side * side))])
         ball(floor((halfspaces + i) / balls), seeds[i]);

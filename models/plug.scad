@@ -209,12 +209,13 @@ row_spacing = spacing * sqrt(3) / 2;  // every other row stands in the gaps of i
 function tray_size(halfspaces) =      // between the outermost axes
     [spacing * (columns(halfspaces) - 0.5), row_spacing * (rows(halfspaces) - 1), 0];
 
-// Plugs in staggered rows around the z axis. The seed draws how far each is turned, by `turn` degrees at most.
-module tray(halfspaces, turn, seed) {
+// Plugs in staggered rows around the z axis. The seed draws how far each is turned, by `turn` degrees at most. `made`
+// lists the numbers of those to make.
+module tray(halfspaces, turn, seed, made) {
     assert(halfspaces >= 10, "a plug needs ten primitives at least");
     count = plugs(halfspaces);
     turns = rands(-turn, turn, count, seed);
-    for (i = [0:count - 1]) {
+    for (i = is_undef(made) ? [0:count - 1] : made) {
         row = floor(i / columns(halfspaces));
         column = i % columns(halfspaces) + (row % 2) / 2;
         translate([spacing * column, row_spacing * row, 0] - tray_size(halfspaces) / 2)

@@ -19,6 +19,7 @@ struct ParamSpec {
   long minimum = 0, maximum = 0;           ///< of an int
   std::vector<std::string> choices{};      ///< of a choice
   std::vector<ParamValue> trial_values{};  ///< what the conformance suite tries
+  bool implied_by_default = false;         ///< not named where it has its default: it changes no answer
 };
 
 /// What every scheme has besides its own parameters: precision, and the knobs of the accuracy study.
@@ -35,13 +36,13 @@ class Params {
   int integer(const std::string& name) const;
   const std::string& choice(const std::string& name) const;
   Numerics numerics() const;
-  /// The scheme's own, and those of the numerics that are not at their default.
+  /// All but those that are implied by default, and are at their default: numerics, limits of building.
   std::map<std::string, ParamValue> values() const;
 
   std::shared_ptr<const TriangleMesh> mesh;  ///< for the schemes that trace one
 
  private:
-  std::map<std::string, ParamValue> values_;
+  std::map<std::string, ParamValue> values_, implied_;
 };
 
 struct SchemeInfo {

@@ -53,7 +53,8 @@ const ParamSpec* find(const std::vector<ParamSpec>& specs, const std::string& na
 }
 
 ParamSpec choice_of(std::string name, std::string meaning, std::vector<std::string> choices) {
-  ParamSpec spec{.name = std::move(name), .meaning = std::move(meaning), .default_value = choices[0]};
+  ParamSpec spec{
+      .name = std::move(name), .meaning = std::move(meaning), .default_value = choices[0], .implied_by_default = true};
   for (const std::string& choice : choices) spec.trial_values.emplace_back(choice);
   spec.choices = std::move(choices);
   return spec;
@@ -79,6 +80,7 @@ Params::Params(const SchemeInfo& scheme, const std::map<std::string, ParamValue>
   std::string known;
   for (const ParamSpec& spec : specs) {
     values_[spec.name] = spec.default_value;
+    if (spec.implied_by_default) implied_[spec.name] = spec.default_value;
     known += (known.empty() ? "" : ", ") + spec.name;
   }
   for (const auto& [name, value] : given) {
@@ -111,11 +113,9 @@ Numerics Params::numerics() const {
 }
 
 std::map<std::string, ParamValue> Params::values() const {
-  std::map<std::string, ParamValue> values;
-  for (const auto& [name, value] : values_) {
-    const ParamSpec* shared = find(numerics_params(), name);
-    if (!shared || value != shared->default_value) values[name] = value;
-  }
+  std::map<std::string, ParamValue> values = values_;
+  for (const auto& implied : implied_)
+    if (values.at(implied.first) == implied.second) values.erase(implied.first);
   return values;
 }
 

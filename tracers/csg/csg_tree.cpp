@@ -74,15 +74,6 @@ Box world_bounds(const Leaf& leaf) {
   return box;
 }
 
-bool is_identity(const Mat3& m) {
-  for (int c = 0; c < 3; ++c) {
-    for (int r = 0; r < 3; ++r) {
-      if (m.col[c][r] != (c == r ? 1.0 : 0.0)) return false;
-    }
-  }
-  return true;
-}
-
 void derive(Leaf& leaf, std::size_t index) {
   const auto refuse = [&](const char* fault) {
     throw ModelError("leaf " + std::to_string(index) + " (" + name_of(leaf.kind) + "): " + fault);

@@ -64,8 +64,18 @@ inline Mat3 eliminated(const Mat3& m) {
   return inverse;
 }
 
+inline bool is_identity(const Mat3& m) {
+  for (int c = 0; c < 3; ++c) {
+    for (int r = 0; r < 3; ++r) {
+      if (m.col[c][r] != (c == r ? 1.0 : 0.0)) return false;
+    }
+  }
+  return true;
+}
+
 /// Works on M scaled to entries near 1, so that maps of any magnitude are judged by shape alone.
 inline Inverse invert(const Mat3& m) {
+  if (is_identity(m)) return {Mat3{}, frobenius(m) * frobenius(m) / 3};  // most maps are translations
   const double largest = largest_entry(m);
   if (!(largest > 0 && largest < kInfinity)) return {};
   const int exponent = std::ilogb(largest);

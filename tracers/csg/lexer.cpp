@@ -13,6 +13,29 @@ constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 constexpr bool starts_word(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$'; }
 constexpr bool is_symbol(char c) { return std::string_view("()[]{},;=!#%*").find(c) != std::string_view::npos; }
 
+/// Reads what most numbers are, digits with a point among them, and returns where it ends; nullptr where
+/// it is anything else. Exact: digits below 2⁵³ and a power of ten that is a double make one rounding
+/// (Clinger 1990).
+const char* read_short_decimal(const char* first, const char* end, double& number) {
+  constexpr double kTen[] = {1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+  constexpr int kMostDigits = 15;
+  const bool negative = first < end && *first == '-';
+  const char* at = first + negative;
+  std::int64_t digits = 0;
+  int count = 0, after_point = 0;
+  for (; at < end && is_digit(*at); ++at, ++count)
+    if (count < kMostDigits) digits = 10 * digits + (*at - '0');
+  if (count == 0) return nullptr;
+  if (at < end && *at == '.') {
+    for (++at; at < end && is_digit(*at); ++at, ++count, ++after_point)
+      if (count < kMostDigits) digits = 10 * digits + (*at - '0');
+  }
+  if (count > kMostDigits || (at < end && (*at == 'e' || *at == 'E'))) return nullptr;
+  const double magnitude = static_cast<double>(digits) / kTen[after_point];
+  number = negative ? -magnitude : magnitude;
+  return at;
+}
+
 std::string printable(char c) {
   if (c >= ' ' && c <= '~') return {'\'', c, '\''};
   char hex[16];
@@ -46,6 +69,7 @@ void Lexer::skip_space_and_comments() {
   const std::string_view text = source_.text;
   while (true) {
     while (offset_ < text.size() && is_space(text[offset_])) ++offset_;
+    if (offset_ == text.size() || text[offset_] != '/') return;
     const std::string_view start = text.substr(offset_, 2);
     if (start == "//") {
       offset_ = std::min(text.find('\n', offset_), text.size());
@@ -87,11 +111,15 @@ Token Lexer::number() {
   const char* first = text + begin;
   if (*first == '+' && first + 1 < end && first[1] != '-') ++first;  // from_chars takes no plus
   Token token{TokenKind::Number, {}, begin};
-  const auto [last, error] = std::from_chars(first, end, token.number);
-  if (error == std::errc::result_out_of_range) {
-    source_.fail(begin, "a number beyond the range of double");
+  const char* last = read_short_decimal(first, end, token.number);
+  if (!last) {
+    const auto [stop, error] = std::from_chars(first, end, token.number);
+    if (error == std::errc::result_out_of_range) {
+      source_.fail(begin, "a number beyond the range of double");
+    }
+    if (error != std::errc()) source_.fail(begin, "a malformed number");
+    last = stop;
   }
-  if (error != std::errc()) source_.fail(begin, "a malformed number");
   offset_ = static_cast<std::size_t>(last - text);
   if (offset_ < source_.text.size() && (starts_word(*last) || *last == '.')) {
     source_.fail(begin, "a malformed number");

@@ -1,8 +1,15 @@
 // Building localized trees: pruning upwards, then copying what stays.
 #include "localized_tree.hpp"
 
+#include <bit>
+
 namespace csg {
 namespace {
+
+/// Whether the child adds to its parent's base, or the root is Full, where every leaf is outside.
+bool holds_outside(const TreeNode& node) {
+  return (!node.is_leaf() && node.base() >= node.threshold()) != node.complemented();
+}
 
 /// Fills in what follows from parents and order: sizes of subtrees, and values where all is outside.
 void finish(std::vector<TreeNode>& tree) {
@@ -12,8 +19,7 @@ void finish(std::vector<TreeNode>& tree) {
     const TreeNode& node = tree[i];
     TreeNode& parent = tree[node.parent()];
     parent.set_subtree(parent.subtree() + node.subtree());
-    const bool holds = !node.is_leaf() && node.base() >= node.threshold();
-    if (holds != node.complemented()) parent.add_to_base();
+    if (holds_outside(node)) parent.add_to_base();
   }
 }
 
@@ -47,51 +53,71 @@ std::vector<TreeNode> global_tree(const CsgTree& source) {
   return tree;
 }
 
-Class Localizer::localize(TreeView tree, std::span<const Class> class_of, std::vector<TreeNode>& localized) {
-  verdicts_.assign(tree.size(), {});
-  std::size_t leaf = class_of.size();
-  for (std::size_t i = tree.size(); i-- > 0;) {
-    const TreeNode& node = tree[i];
-    Verdict& verdict = verdicts_[i];
-    if (node.is_leaf())
-      verdict.result = class_of[--leaf];
-    else if (verdict.decided)
+bool Localizer::mark(std::uint32_t node) {
+  if (is_marked(node)) return false;
+  marks_[node / 64] |= std::uint64_t{1} << node % 64;
+  verdicts_[node] = {};
+  return true;
+}
+
+void Localizer::mark_ancestors(TreeView tree, std::uint32_t node) {
+  while (node != 0) {
+    const std::uint32_t parent = tree[node].parent();
+    const bool first = mark(parent);
+    Verdict& verdict = verdicts_[parent];
+    ++verdict.visited;
+    verdict.visited_base = static_cast<std::uint8_t>(verdict.visited_base + holds_outside(tree[node]));
+    if (!first) return;
+    node = parent;
+  }
+}
+
+/// Precondition: all visited nodes below it have been judged.
+void Localizer::judge(TreeView tree, std::uint32_t i) {
+  const TreeNode& node = tree[i];
+  Verdict& verdict = verdicts_[i];
+  if (!node.is_leaf()) {
+    const int outside = 2 - verdict.visited, holding = node.base() - verdict.visited_base;  // of those not visited
+    if (verdict.decided || (node.is_union() ? holding > 0 : holding < outside))
       verdict.result = node.is_union() ? Class::Full : Class::Empty;
     else if (verdict.partial == 0)
       verdict.result = node.is_union() ? Class::Empty : Class::Full;
-    if (i == 0) break;
-    Verdict& parent = verdicts_[node.parent()];
-    if (verdict.result == Class::Partial)
-      ++parent.partial;
-    else
-      parent.decided |= ((verdict.result == Class::Full) != node.complemented()) == tree[node.parent()].is_union();
   }
+  if (i == 0) return;
+  Verdict& parent = verdicts_[node.parent()];
+  if (verdict.result == Class::Partial)
+    ++parent.partial;
+  else
+    parent.decided |= ((verdict.result == Class::Full) != node.complemented()) == tree[node.parent()].is_union();
+}
 
-  localized.clear();
-  const bool flip = tree[0].complemented();
-  if (verdicts_[0].result != Class::Partial)
-    return (verdicts_[0].result == Class::Full) != flip ? Class::Full : Class::Empty;
+/// Copies what stays. A node with one child left is not copied: it stands for that child, and its
+/// complement moves onto the child's edge.
+void Localizer::copy(TreeView tree, std::vector<TreeNode>& localized) {
+  for (std::size_t i = 0;;) {
+    // The next node visited.
+    std::size_t word = i / 64;
+    if (word >= marks_.size()) break;
+    std::uint64_t marked = marks_[word] >> i % 64 << i % 64;
+    while (marked == 0 && ++word < marks_.size()) marked = marks_[word];
+    if (marked == 0) break;
+    i = 64 * word + static_cast<std::size_t>(std::countr_zero(marked));
 
-  // Copy what stays. A node with one child left is not copied: it stands for that child, `emitted_`
-  // then names the nearest copied ancestor, and its complement moves onto the child's edge.
-  emitted_.resize(tree.size());
-  moved_.assign(tree.size(), 0);
-  for (std::size_t i = 0; i < tree.size();) {
     const TreeNode& node = tree[i];
-    const Verdict& verdict = verdicts_[i];
+    Verdict& verdict = verdicts_[i];
     if (verdict.result != Class::Partial) {
       i += static_cast<std::size_t>(node.subtree());
       continue;
     }
-    const bool stands_for_child = !node.is_leaf() && verdict.partial == 1;
-    const std::uint32_t above = i == 0 ? 0 : emitted_[node.parent()];
-    const bool inherited = i != 0 && moved_[node.parent()];
+    const Verdict& parent = verdicts_[node.parent()];
+    const std::uint32_t above = i == 0 ? 0 : parent.emitted;
+    const bool inherited = i != 0 && parent.moved;
     const bool complemented = node.complemented() != inherited;
-    if (stands_for_child) {
-      emitted_[i] = above;
-      moved_[i] = complemented;
+    if (!node.is_leaf() && verdict.partial == 1) {
+      verdict.emitted = above;
+      verdict.moved = complemented;
     } else {
-      emitted_[i] = static_cast<std::uint32_t>(localized.size());
+      verdict.emitted = static_cast<std::uint32_t>(localized.size());
       localized.push_back(node);
       localized.back().set_parent(above);
       localized.back().set_complemented(complemented);
@@ -99,17 +125,66 @@ Class Localizer::localize(TreeView tree, std::span<const Class> class_of, std::v
     ++i;
   }
   finish(localized);
+}
+
+Class Localizer::localize(TreeView tree, std::span<const Remaining> remaining, std::vector<TreeNode>& localized) {
+  localized.clear();
+  if (remaining.empty()) return holds_outside(tree[0]) ? Class::Full : Class::Empty;
+  marks_.assign(tree.size() / 64 + 1, 0);
+  if (verdicts_.size() < tree.size()) verdicts_.resize(tree.size());
+  for (const Remaining& leaf : remaining) {
+    mark(leaf.node);
+    verdicts_[leaf.node].result = leaf.kind;
+    mark_ancestors(tree, leaf.node);
+  }
+  for (std::size_t word = marks_.size(); word-- > 0;)
+    for (std::uint64_t marked = marks_[word]; marked != 0;) {
+      const int bit = 63 - std::countl_zero(marked);
+      marked ^= std::uint64_t{1} << bit;
+      judge(tree, static_cast<std::uint32_t>(64 * word) + static_cast<std::uint32_t>(bit));
+    }
+  const Class root = verdicts_[0].result;
+  if (root != Class::Partial) return (root == Class::Full) != tree[0].complemented() ? Class::Full : Class::Empty;
+  copy(tree, localized);
   return Class::Partial;
 }
 
 Class CellClassifier::localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized, double margin) {
-  classes_.clear();
-  for (const TreeNode& node : tree) {
-    if (!node.is_leaf()) continue;
-    const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
-    classes_.push_back(classify(leaf, cell.padded(leaf.pad + margin)));
+  remaining_.clear();
+  for (std::uint32_t i = 0; i < tree.size(); ++i) {
+    if (!tree[i].is_leaf()) continue;
+    const Leaf& leaf = leaf_of(tree[i]);
+    const Class kind = classify(leaf, cell.padded(leaf.pad + margin));
+    if (kind != Class::Empty) remaining_.push_back({i, kind});
   }
-  return localizer_.localize(tree, classes_, localized);
+  return localizer_.localize(tree, remaining_, localized);
+}
+
+void CellClassifier::localize_octants(TreeView tree, const Box& cell, Class (&kinds)[8],
+                                      std::vector<TreeNode> (&localized)[8], double margin) {
+  const Vec3 centre = cell.center();
+  for (std::vector<std::uint32_t>& nodes : in_octant_) nodes.clear();
+  for (std::uint32_t i = 0; i < tree.size(); ++i) {
+    if (!tree[i].is_leaf()) continue;
+    const Leaf& leaf = leaf_of(tree[i]);
+    bool low[3], high[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      low[axis] = leaf.bounds.lo[axis] <= centre[axis] + leaf.pad + margin;
+      high[axis] = leaf.bounds.hi[axis] >= centre[axis] - leaf.pad - margin;
+    }
+    for (int k = 0; k < 8; ++k)
+      if ((k & 1 ? high : low)[0] && (k & 2 ? high : low)[1] && (k & 4 ? high : low)[2]) in_octant_[k].push_back(i);
+  }
+  for (int k = 0; k < 8; ++k) {
+    const Box box = octant(cell, k);
+    remaining_.clear();
+    for (const std::uint32_t i : in_octant_[k]) {
+      const Leaf& leaf = leaf_of(tree[i]);
+      const Class kind = classify(leaf, box.padded(leaf.pad + margin));
+      if (kind != Class::Empty) remaining_.push_back({i, kind});
+    }
+    kinds[k] = localizer_.localize(tree, remaining_, localized[k]);
+  }
 }
 
 }  // namespace csg

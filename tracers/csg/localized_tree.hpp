@@ -51,21 +51,39 @@ using TreeView = std::span<const TreeNode>;
 /// The whole tree in this form. Throws ModelError past 2²⁸ nodes.
 std::vector<TreeNode> global_tree(const CsgTree& tree);
 
-/// Simplifies `tree` by `class_of` its leaves (one for each leaf node, in order). Returns the class
-/// of the solid in the cell; if Partial, `localized` holds what is left. No recursion.
+/// A leaf node that is not Empty, and its class.
+struct Remaining {
+  std::uint32_t node;
+  Class kind;
+};
+
+/// Simplifies a tree, knowing of its leaves which are Partial or Full. Only these and the operators
+/// above them are visited, the others by what they are worth where all is outside (`TreeNode::base`):
+/// a cell costs what is in it, not what is in its parent.
 class Localizer {
  public:
-  Class localize(TreeView tree, std::span<const Class> class_of, std::vector<TreeNode>& localized);
+  /// `remaining`: in the order of the nodes. Returns the class of the solid in the cell; if Partial,
+  /// `localized` holds what is left. No recursion.
+  Class localize(TreeView tree, std::span<const Remaining> remaining, std::vector<TreeNode>& localized);
 
  private:
   struct Verdict {
-    std::uint8_t partial = 0;  // children that stay
-    bool decided = false;      // a child decides the node
+    std::uint8_t visited = 0, visited_base = 0;  // children visited; of these, how many add to the node's base
+    std::uint8_t partial = 0;                    // children that stay
+    bool decided = false;                        // a child decides the node
+    bool moved = false;                          // it stands for its one child, whose edge it complements
     Class result = Class::Partial;
+    std::uint32_t emitted = 0;  // its place, or that of the nearest ancestor that has one
   };
-  std::vector<Verdict> verdicts_;
-  std::vector<std::uint32_t> emitted_;
-  std::vector<std::uint8_t> moved_;
+
+  bool is_marked(std::uint32_t node) const { return marks_[node / 64] >> node % 64 & 1; }
+  bool mark(std::uint32_t node);
+  void mark_ancestors(TreeView tree, std::uint32_t node);
+  void judge(TreeView tree, std::uint32_t node);
+  void copy(TreeView tree, std::vector<TreeNode>& localized);
+
+  std::vector<std::uint64_t> marks_;  // a bit a node: visited
+  std::vector<Verdict> verdicts_;     // of the nodes visited
 };
 
 /// Localizes a tree to a cell, classifying its leaves by their own geometry.
@@ -76,11 +94,27 @@ class CellClassifier {
   /// `cell` without pad; the classes hold for the cell grown by P (rule 9) and by `margin`.
   Class localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized, double margin = 0);
 
+  /// The same for the octants of a cell: bounds are compared with its middle planes once for all eight.
+  /// Octant i lies above the middle on the axes whose bits are set.
+  void localize_octants(TreeView tree, const Box& cell, Class (&kinds)[8], std::vector<TreeNode> (&localized)[8],
+                        double margin = 0);
+
  private:
+  const Leaf& leaf_of(const TreeNode& node) const { return tree_.leaves()[static_cast<std::size_t>(node.leaf())]; }
+
   const CsgTree& tree_;
   Localizer localizer_;
-  std::vector<Class> classes_;
+  std::vector<Remaining> remaining_;
+  std::vector<std::uint32_t> in_octant_[8];
 };
+
+/// Octant i of a box.
+inline Box octant(const Box& box, int i) {
+  const Vec3 centre = box.center();
+  Box out = box;
+  for (int axis = 0; axis < 3; ++axis) (i >> axis & 1 ? out.lo : out.hi)[axis] = centre[axis];
+  return out;
+}
 
 inline int leaf_count(TreeView tree) { return (static_cast<int>(tree.size()) + 1) / 2; }
 

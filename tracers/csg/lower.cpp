@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -259,9 +260,11 @@ std::string contents_of(const std::string& path) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
   const auto fail = [&path] { throw ModelError(path + ": cannot be read: " + std::generic_category().message(errno)); };
   if (!file) fail();
+  constexpr std::size_t kChunk = std::size_t{1} << 22;
   std::string text;
+  std::error_code no_size;  // a pipe has none
+  if (const auto size = std::filesystem::file_size(path, no_size); !no_size) text.reserve(size + kChunk);
   for (std::size_t got = 1; got > 0;) {
-    constexpr std::size_t kChunk = std::size_t{1} << 22;
     const std::size_t before = text.size();
     text.resize(before + kChunk);
     got = std::fread(text.data() + before, 1, kChunk, file.get());

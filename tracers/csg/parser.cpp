@@ -76,6 +76,11 @@ class Parser {
 };
 
 SyntaxTree Parser::run() {
+  // Somewhat more than OpenSCAD's text needs; what is not used is never touched.
+  const std::size_t size = source_.text.size();
+  tree_.nodes.reserve(size / 64);
+  tree_.arguments.reserve(size / 24);
+  tree_.values.reserve(size / 6);
   advance();
   while (token_.kind != TokenKind::End) {
     if (token_.is('}')) {

@@ -4,11 +4,6 @@
 namespace csg {
 namespace {
 
-bool same(const Box& a, const Box& b) {
-  return a.lo.x == b.lo.x && a.lo.y == b.lo.y && a.lo.z == b.lo.z && a.hi.x == b.hi.x && a.hi.y == b.hi.y &&
-         a.hi.z == b.hi.z;
-}
-
 /// One up-clip-down pass; true if a box became smaller.
 bool pass(TreeView tree, const Box& cell, std::vector<Box>& bound, std::vector<Box>& combined) {
   combined.resize(tree.size());
@@ -25,7 +20,7 @@ bool pass(TreeView tree, const Box& cell, std::vector<Box>& bound, std::vector<B
   bool changed = false;
   for (std::size_t i = 0; i < tree.size(); ++i) {
     if (i > 0) combined[i] = intersection(combined[i], combined[tree[i].parent()]);
-    changed = changed || !same(combined[i], bound[i]);
+    changed = changed || combined[i] != bound[i];
     bound[i] = combined[i];
   }
   return changed;

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "../csg/sbound.hpp"
+#include "../structures/parallel.hpp"
 
 namespace csg::packets {
 namespace {
@@ -21,112 +22,91 @@ bool is_similarity(const Mat3& m) {
 
 AtomKind slab_of(int axis) { return static_cast<AtomKind>(static_cast<int>(AtomKind::SlabX) + axis); }
 
+Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
+  double per_size[3] = {1, 1, 1};
+  Frame frame{};
+  const double* size = leaf.size;
+  switch (leaf.kind) {
+    case Kind::Sphere:
+      for (double& s : per_size) s = 1 / size[0];
+      break;
+    case Kind::Block:
+      for (int i = 0; i < 3; ++i) per_size[i] = 1 / size[i];
+      break;
+    case Kind::Cylinder:
+      per_size[0] = per_size[1] = 1 / size[0], per_size[2] = 1 / size[1];
+      break;
+    case Kind::Cone: {
+      const double widest = std::max(size[0], size[1]);
+      per_size[0] = per_size[1] = 1 / widest, per_size[2] = 1 / size[2];
+      frame.shape[0] = (size[0] + size[1]) / 2 / widest;
+      frame.shape[1] = (size[1] - size[0]) / 2 / widest;
+      break;
+    }
+    case Kind::Torus:
+      for (double& s : per_size) s = 1 / size[0];
+      frame.shape[0] = size[1] / size[0];
+      break;
+  }
+  const Vec3 offset = (1 / unit) * (leaf.world_from_local.offset - middle);
+  for (int i = 0; i < 3; ++i) {
+    frame.offset[i] = offset[i];
+    for (int j = 0; j < 3; ++j) {
+      frame.row[i][j] = per_size[i] * unit * leaf.local_from_world.col[j][i];
+      frame.narrow[i][j] = static_cast<float>(frame.row[i][j]);
+    }
+  }
+  if (leaf.kind == Kind::Sphere && is_similarity(leaf.local_from_world)) {
+    // A ball needs no turning.
+    const double per_radius = norm(frame.row[0]);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
+    frame.shape[0] = per_radius;
+  }
+  for (int i = 0; i < 2; ++i) frame.narrow_shape[i] = static_cast<float>(frame.shape[i]);
+  return frame;
+}
+
+/// Units and the middle of the world.
+struct Scale {
+  double unit;
+  Vec3 middle;
+  double band;  ///< the widest of any ray, in units
+};
+
 }  // namespace
 
-class Structure::Builder {
+/// Makes the cells of a batch.
+class Structure::CellMaker {
  public:
-  Builder(Structure& out, const CsgTree& tree, const Octree& octree, bool tight)
-      : out_(out), tree_(tree), octree_(octree), tight_(tight), classifier_(tree) {
-    const Box& world = octree.world();
-    unit_ = std::ldexp(1.0, std::ilogb(tree.size()));
-    middle_ = world.center();
-    Model& model = out.model_;
-    for (int axis = 0; axis < 3; ++axis) model.centre[axis] = middle_[axis];
-    model.per_unit = 1 / unit_;
-    model.radius = length(world.half()) / unit_ * (1 + kMargin);
-    // The widest band of any ray, and at least what double loses; and of those that start in the world.
-    const auto band = [&](double distance) {
-      const Vec3 origin{distance, 0, 0};
-      return std::max(tree.tolerances().band(origin, 1), Tolerances({}, tree.size()).band(origin, 1)) / unit_;
-    };
-    band_ = band(tree.tolerances().farthest_origin());
-    model.near = 2 * tree.size() / unit_;
-    model.band = band(2 * tree.size());
-    for (const Leaf& leaf : tree.leaves()) out.frames_.push_back(frame_of(leaf));
-    if (std::optional<Node> root = build(octree.root(), world)) {
-      if (out.nodes_.empty()) out.nodes_.push_back({});
-      out.nodes_[0] = *root;
+  CellMaker(const CsgTree& tree, const std::vector<Frame>& frames, const Scale& scale, bool tight)
+      : tree_(tree), frames_(frames), scale_(scale), tight_(tight), classifier_(tree) {}
+
+  struct Batch {
+    std::vector<Node> nodes;  ///< one for each cell of the octree; one whose lo > hi has nothing to be found in it
+    std::vector<Cell> cells;
+    std::vector<Atom> atoms;
+    std::vector<Operator> operators;
+  };
+
+  void add(TreeView tree, const Box& cell, Batch& out) {
+    out_ = &out;
+    margin_ = kMargin * cell.half().x;
+    const Box box = tight_ ? tighten(tree, cell) : cell;
+    Node node{};
+    node.lo[0] = 1, node.hi[0] = 0;
+    if (!box.empty() && classifier_.localize(tree, box, kept_, margin_) == Class::Partial) {
+      const Box entered = box.padded(margin_ / 2);
+      for (int axis = 0; axis < 3; ++axis) {
+        node.lo[axis] = static_cast<float>((entered.lo[axis] - scale_.middle[axis]) / scale_.unit);
+        node.hi[axis] = static_cast<float>((entered.hi[axis] - scale_.middle[axis]) / scale_.unit);
+      }
+      out.cells.push_back(cell_of(kept_, box, cell));
     }
+    out.nodes.push_back(node);
   }
 
  private:
-  Frame frame_of(const Leaf& leaf) const {
-    double per_size[3] = {1, 1, 1};
-    Frame frame{};
-    const double* size = leaf.size;
-    switch (leaf.kind) {
-      case Kind::Sphere:
-        for (double& s : per_size) s = 1 / size[0];
-        break;
-      case Kind::Block:
-        for (int i = 0; i < 3; ++i) per_size[i] = 1 / size[i];
-        break;
-      case Kind::Cylinder:
-        per_size[0] = per_size[1] = 1 / size[0], per_size[2] = 1 / size[1];
-        break;
-      case Kind::Cone: {
-        const double widest = std::max(size[0], size[1]);
-        per_size[0] = per_size[1] = 1 / widest, per_size[2] = 1 / size[2];
-        frame.shape[0] = (size[0] + size[1]) / 2 / widest;
-        frame.shape[1] = (size[1] - size[0]) / 2 / widest;
-        break;
-      }
-      case Kind::Torus:
-        for (double& s : per_size) s = 1 / size[0];
-        frame.shape[0] = size[1] / size[0];
-        break;
-    }
-    const Vec3 offset = (1 / unit_) * (leaf.world_from_local.offset - middle_);
-    for (int i = 0; i < 3; ++i) {
-      frame.offset[i] = offset[i];
-      for (int j = 0; j < 3; ++j) {
-        frame.row[i][j] = per_size[i] * unit_ * leaf.local_from_world.col[j][i];
-        frame.narrow[i][j] = static_cast<float>(frame.row[i][j]);
-      }
-    }
-    if (leaf.kind == Kind::Sphere && is_similarity(leaf.local_from_world)) {
-      // A ball needs no turning.
-      const double per_radius = norm(frame.row[0]);
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
-      frame.shape[0] = per_radius;
-    }
-    for (int i = 0; i < 2; ++i) frame.narrow_shape[i] = static_cast<float>(frame.shape[i]);
-    return frame;
-  }
-
-  /// The node of a link of the octree; none if there is nothing to be found in it. Children are laid
-  /// before their parent.
-  std::optional<Node> build(Octree::Link link, const Box& box) {
-    if (octree_.is_cell(link)) {
-      const csg::Cell cell = octree_.cell(link);
-      if (!cell.is_partial()) return std::nullopt;
-      return leaf(octree_.trees().tree(cell.tree()), box);
-    }
-    std::vector<Node> children;
-    unsigned octants = 0;
-    for (int child = 0; child < 8; ++child) {
-      if (std::optional<Node> made = build(octree_.child(link, child), Octree::child_box(box, child))) {
-        octants |= 1u << child;
-        children.push_back(*made);
-      }
-    }
-    if (children.empty()) return std::nullopt;
-    if (children.size() == 1) return children[0];
-    Node node = children[0];
-    for (const Node& child : children) {
-      for (int axis = 0; axis < 3; ++axis) {
-        node.lo[axis] = std::min(node.lo[axis], child.lo[axis]);
-        node.hi[axis] = std::max(node.hi[axis], child.hi[axis]);
-      }
-    }
-    if (out_.nodes_.empty()) out_.nodes_.push_back({});  // the place of the root
-    node.octants = octants;
-    node.link = static_cast<std::int32_t>(out_.nodes_.size());
-    out_.nodes_.insert(out_.nodes_.end(), children.begin(), children.end());
-    return node;
-  }
-
   /// The part of a cell where its tree is not constant: by the S-bound of its root, then slice by slice.
   Box tighten(TreeView tree, Box box) {
     sbounds(tree_, tree, box, SBoundPasses::One, bounds_);
@@ -147,42 +127,25 @@ class Structure::Builder {
     return box;
   }
 
-  std::optional<Node> leaf(TreeView tree, const Box& cell) {
-    margin_ = kMargin * cell.half().x;
-    Box box = tight_ ? tighten(tree, cell) : cell;
-    if (box.empty()) return std::nullopt;
-    std::vector<TreeNode> kept;
-    if (classifier_.localize(tree, box, kept, margin_) != Class::Partial) return std::nullopt;
-    Node node{};
-    const Box entered = box.padded(margin_ / 2);
-    for (int axis = 0; axis < 3; ++axis) {
-      node.lo[axis] = static_cast<float>((entered.lo[axis] - middle_[axis]) / unit_);
-      node.hi[axis] = static_cast<float>((entered.hi[axis] - middle_[axis]) / unit_);
-    }
-    node.link = static_cast<std::int32_t>(out_.cells_.size());
-    out_.cells_.push_back(cell_of(kept, box, cell));
-    return node;
-  }
-
   Cell cell_of(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
     Cell cell{};
-    const Vec3 centre = (1 / unit_) * (box.center() - middle_);
+    const Vec3 centre = (1 / scale_.unit) * (box.center() - scale_.middle);
     for (int axis = 0; axis < 3; ++axis) {
       cell.centre[axis] = centre[axis];
-      cell.lo[axis] = static_cast<float>((whole.lo[axis] - box.center()[axis]) / unit_);
-      cell.hi[axis] = static_cast<float>((whole.hi[axis] - box.center()[axis]) / unit_);
+      cell.lo[axis] = static_cast<float>((whole.lo[axis] - box.center()[axis]) / scale_.unit);
+      cell.hi[axis] = static_cast<float>((whole.hi[axis] - box.center()[axis]) / scale_.unit);
     }
-    const double reach = length(box.padded(margin_).half()) / unit_;
-    cell.first_atom = static_cast<std::uint32_t>(out_.atoms_.size());
-    cell.first_operator = static_cast<std::uint32_t>(out_.operators_.size());
-    cell.window = static_cast<float>(margin_ / 32 / unit_);
+    const double reach = length(box.padded(margin_).half()) / scale_.unit;
+    cell.first_atom = static_cast<std::uint32_t>(out_->atoms.size());
+    cell.first_operator = static_cast<std::uint32_t>(out_->operators.size());
+    cell.window = static_cast<float>(margin_ / 32 / scale_.unit);
     cell.trusted = true;
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
     // atoms the solid is cut by.
     struct Made {
-      std::uint16_t slot;   // of the operator that its operands feed
-      bool inverts;         // whether its value is the complement of that operator's
+      std::uint16_t slot;  // of the operator that its operands feed
+      bool inverts;        // whether its value is the complement of that operator's
       bool negative;
     };
     std::vector<Made> made(tree.size());
@@ -216,21 +179,22 @@ class Structure::Builder {
         if (!flip) slot = add_operator(slot, true);
         atom_flip = true;
       }
-      for (int k = 0; k < count; ++k) add_atom(cell, leaf, node.leaf(), kinds[k], slot, atom_flip, negative, centre, reach);
+      for (int k = 0; k < count; ++k)
+        add_atom(cell, leaf, node.leaf(), kinds[k], slot, atom_flip, negative, centre, reach);
       if (count == 0) cell.trusted = false;
     }
     const auto last = static_cast<std::uint16_t>(operators.size() - 1);
-    cell.atoms = static_cast<std::uint16_t>(out_.atoms_.size() - cell.first_atom);
+    cell.atoms = static_cast<std::uint16_t>(out_->atoms.size() - cell.first_atom);
     cell.operators = static_cast<std::uint16_t>(operators.size());
     if (cell.atoms > kMostAtoms || cell.operators > kMostOperators) cell.trusted = false;
     if (!cell.trusted) {
-      out_.atoms_.resize(cell.first_atom);
+      out_->atoms.resize(cell.first_atom);
       return cell;
     }
-    for (std::size_t i = cell.first_atom; i < out_.atoms_.size(); ++i)
-      out_.atoms_[i].parent = static_cast<std::uint16_t>(last - out_.atoms_[i].parent);
+    for (std::size_t i = cell.first_atom; i < out_->atoms.size(); ++i)
+      out_->atoms[i].parent = static_cast<std::uint16_t>(last - out_->atoms[i].parent);
     for (std::size_t i = operators.size(); i-- > 0;)
-      out_.operators_.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip});
+      out_->operators.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip});
     return cell;
   }
 
@@ -273,7 +237,7 @@ class Structure::Builder {
 
   void add_atom(Cell& cell, const Leaf& leaf, std::int32_t number, AtomKind kind, std::uint16_t slot, bool flip,
                 bool negative, const Vec3& centre, double reach) {
-    const Frame& frame = out_.frames_[static_cast<std::size_t>(number)];
+    const Frame& frame = frames_[static_cast<std::size_t>(number)];
     Atom atom{};
     atom.kind = kind;
     atom.leaf = number;
@@ -291,7 +255,7 @@ class Structure::Builder {
       // A wall feels an error of z by its slope only.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
       const double extent = norm(frame.row[i]) * reach + std::fabs(c);
-      error = std::hypot(error, weight * (8 * kFloat * extent + norm(frame.row[i]) * band_));
+      error = std::hypot(error, weight * (8 * kFloat * extent + norm(frame.row[i]) * scale_.band));
       far = std::hypot(far, extent);
     }
     error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
@@ -301,7 +265,8 @@ class Structure::Builder {
       // quartic's coefficients, of which the first is small where the torus is near.
       const double minor = leaf.size[1] / leaf.size[0], along = norm(frame.row[0]) * reach;
       const double near = 1.5 * along + minor;
-      atom.size = static_cast<float>(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
+      atom.size =
+          static_cast<float>(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
       // A tube hardly thicker than the window has no slope to speak of.
       if (minor < 16 * window * norm(frame.row[0])) cell.trusted = false;
     } else {
@@ -310,25 +275,123 @@ class Structure::Builder {
       atom.graze = static_cast<float>(4 * error / window);
     }
     if (!(error < 0x1p-8)) cell.trusted = false;
-    out_.atoms_.push_back(atom);
+    out_->atoms.push_back(atom);
   }
 
-  Structure& out_;
   const CsgTree& tree_;
-  const Octree& octree_;
+  const std::vector<Frame>& frames_;
+  const Scale& scale_;
   bool tight_;
   CellClassifier classifier_;
-  double unit_ = 1, band_ = 0, margin_ = 0;
-  Vec3 middle_;
+  Batch* out_ = nullptr;
+  double margin_ = 0;
   std::vector<Box> bounds_;
-  std::vector<TreeNode> localized_;
+  std::vector<TreeNode> kept_, localized_;
 };
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight) {
-  Builder(*this, tree, octree, tight);
-  nodes_.shrink_to_fit(), cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
+namespace {
+
+/// The boxes above the cells. Children stand together, after those of their older siblings; a box with one child is
+/// that child.
+class NodeMaker {
+ public:
+  NodeMaker(const Octree& octree, std::span<const Node> cells, std::vector<Node>& nodes)
+      : octree_(octree), cells_(cells), nodes_(nodes) {
+    nodes_.push_back({});  // the place of the root
+    if (const std::optional<Node> root = make(octree.root()))
+      nodes_[0] = *root;
+    else
+      nodes_.clear();
+  }
+
+ private:
+  std::optional<Node> make(Octree::Link link) {
+    if (octree_.is_cell(link)) {
+      if (!octree_.cell(link).is_partial()) return std::nullopt;
+      const Node& cell = cells_[octree_.cell(link).tree()];
+      if (!(cell.lo[0] <= cell.hi[0])) return std::nullopt;
+      return cell;
+    }
+    Node children[8], node{};
+    int count = 0;
+    unsigned octants = 0;
+    for (int i = 0; i < 8; ++i) {
+      if (const std::optional<Node> child = make(octree_.child(link, i))) {
+        octants |= 1u << i;
+        children[count++] = *child;
+      }
+    }
+    if (count == 0) return std::nullopt;
+    node = children[0];
+    if (count == 1) return node;
+    for (const Node& child : std::span(children, static_cast<std::size_t>(count))) {
+      for (int axis = 0; axis < 3; ++axis) {
+        node.lo[axis] = std::min(node.lo[axis], child.lo[axis]);
+        node.hi[axis] = std::max(node.hi[axis], child.hi[axis]);
+      }
+    }
+    node.octants = octants;
+    node.link = static_cast<std::int32_t>(nodes_.size());
+    nodes_.insert(nodes_.end(), children, children + count);
+    return node;
+  }
+
+  const Octree& octree_;
+  std::span<const Node> cells_;
+  std::vector<Node>& nodes_;
+};
+
+}  // namespace
+
+Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads) {
+  if (tree.world().empty()) return;
+  build(tree, octree, tight, threads);
+  cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
   model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
   model_.operators = operators_.data(), model_.frames = frames_.data();
+}
+
+void Structure::build(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads) {
+  // The widest band of any ray, and at least what double loses.
+  Scale scale{std::ldexp(1.0, std::ilogb(tree.size())), octree.world().center(), 0};
+  const auto band = [&](double distance) {
+    const Vec3 origin{distance, 0, 0};
+    return std::max(tree.tolerances().band(origin, 1), Tolerances({}, tree.size()).band(origin, 1)) / scale.unit;
+  };
+  scale.band = band(tree.tolerances().farthest_origin());
+  for (int axis = 0; axis < 3; ++axis) model_.centre[axis] = scale.middle[axis];
+  model_.per_unit = 1 / scale.unit;
+  model_.radius = length(octree.world().half()) / scale.unit * (1 + kMargin);
+  model_.near = 2 * tree.size() / scale.unit;
+  model_.band = band(2 * tree.size());
+  for (const Leaf& leaf : tree.leaves()) frames_.push_back(frame_of(leaf, scale.middle, scale.unit));
+
+  std::vector<Box> boxes(octree.trees().count());
+  octree.for_each_partial([&](csg::Cell cell, const Box& box) { boxes[cell.tree()] = box; });
+  constexpr std::size_t kBatch = 64;
+  std::vector<CellMaker::Batch> batches((boxes.size() + kBatch - 1) / kBatch);
+  std::vector<CellMaker> makers(threads, CellMaker(tree, frames_, scale, tight));
+  in_parallel(threads, batches.size(), [&](std::size_t i, std::size_t thread) {
+    for (std::size_t k = i * kBatch; k < std::min((i + 1) * kBatch, boxes.size()); ++k)
+      makers[thread].add(octree.trees().tree(k), boxes[k], batches[i]);
+  });
+
+  std::vector<Node> leaves;
+  for (const CellMaker::Batch& batch : batches) {
+    std::size_t made = 0;
+    for (Node node : batch.nodes) {
+      node.link = static_cast<std::int32_t>(cells_.size());
+      leaves.push_back(node);
+      if (!(node.lo[0] <= node.hi[0])) continue;
+      Cell cell = batch.cells[made++];
+      cell.first_atom += static_cast<std::uint32_t>(atoms_.size());
+      cell.first_operator += static_cast<std::uint32_t>(operators_.size());
+      cells_.push_back(cell);
+    }
+    atoms_.insert(atoms_.end(), batch.atoms.begin(), batch.atoms.end());
+    operators_.insert(operators_.end(), batch.operators.begin(), batch.operators.end());
+  }
+  NodeMaker(octree, leaves, nodes_);
 }
 
 std::size_t Structure::bytes() const {

@@ -16,8 +16,8 @@ inline constexpr double kMargin = 0x1p-4;
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {
  public:
-  /// `tight`: shrink the cells' boxes to where their trees are not constant.
-  Structure(const CsgTree& tree, const Octree& octree, bool tight);
+  /// `tight`: shrink the cells' boxes to where their trees are not constant. The same for any number of threads.
+  Structure(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads);
 
   const Model& model() const { return model_; }
   bool empty() const { return nodes_.empty(); }
@@ -25,7 +25,8 @@ class Structure {
   void describe(std::map<std::string, double>& facts) const;
 
  private:
-  class Builder;
+  class CellMaker;
+  void build(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads);
 
   std::vector<Node> nodes_;
   std::vector<Cell> cells_;

@@ -12,7 +12,7 @@ Walk walk_for_this_machine() {
                                    __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")
                                ? walk_v4
                            : __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? walk_v3
-                                                                                              : walk_v2;
+                                                                                             : walk_v2;
   return walk;
 }
 

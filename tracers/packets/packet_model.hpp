@@ -10,8 +10,8 @@ namespace csg::packets {
 /// A box with its octants, or with a cell.
 struct Node {
   float lo[3], hi[3];
-  std::int32_t link;       ///< the first child's node, or the cell
-  std::uint32_t octants;   ///< one bit for each child, which stand in their order; 0 for a cell
+  std::int32_t link;      ///< the first child's node, or the cell
+  std::uint32_t octants;  ///< one bit for each child, which stand in their order; 0 for a cell
 };
 
 /// A primitive is the intersection of its atoms, of which a cell keeps those that cut it.
@@ -20,9 +20,9 @@ enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ,
 
 /// An atom in a cell. Its frame is that of the leaf, scaled so that the atom's size is 1.
 struct Atom {
-  float centre[3];     ///< the cell's centre in the frame
-  float size;          ///< 1 and the rounding, as a larger atom if it adds to the solid, else a smaller
-  float graze;         ///< below this speed towards the surface, rounding may move a crossing by W/4
+  float centre[3];  ///< the cell's centre in the frame
+  float size;       ///< 1 and the rounding, as a larger atom if it adds to the solid, else a smaller
+  float graze;      ///< below this speed towards the surface, rounding may move a crossing by W/4
   std::int32_t leaf;
   std::uint16_t parent;  ///< operator of the cell that it is an operand of
   std::uint16_t flip;    ///< all ones if it is complemented there, else 0
@@ -60,8 +60,8 @@ struct Model {
   const Operator* operators;
   const Frame* frames;
   double centre[3], per_unit;  ///< of the world, and 1 / unit
-  double radius;  ///< of a ball around the world, in units
-  double near, band;  ///< the tie band of rays from not farther than `near`
+  double radius;               ///< of a ball around the world, in units
+  double near, band;           ///< the tie band of rays from not farther than `near`
 };
 
 /// Sixteen rays or fewer. `first` points to `count` rays of eight doubles (origin, direction, t_min, t_max),
@@ -74,7 +74,7 @@ struct Rays {
 /// One bit a ray. Those in neither mask have no boundary.
 struct Answer {
   std::uint32_t hit, unsure;
-  double t[16];           ///< of `hit`: near the crossing, by less than t_error
+  double t[16];  ///< of `hit`: near the crossing, by less than t_error
   double t_error[16];
   std::int32_t leaf[16];  ///< of `hit`: the leaf that is crossed
 };

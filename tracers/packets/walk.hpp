@@ -18,11 +18,11 @@ constexpr int kMostAtoms = 64, kMostOperators = 128;
 constexpr float kNever = __builtin_inff();
 
 struct Packet {
-  D o[3], d[3];       // start and unit direction, units
+  D o[3], d[3];                    // start and unit direction, units
   F of[3], inverse[3], scaled[3];  // scaled = o·inverse
   F end;
-  Mask in_world;      // not moved to where they enter the world
-  Mask far;           // origins beyond Model::near
+  Mask in_world;  // not moved to where they enter the world
+  Mask far;       // origins beyond Model::near
 };
 
 /// One atom's interval along each ray of the packet, within a cell.
@@ -283,7 +283,9 @@ inline void settle_start(const Atom& atom, const Frame& frame, const Packet& pac
                          F& hi, Mask& unsure) {
   D x[3], v[3];
   const int first = atom.kind == AtomKind::SlabY ? 1 : atom.kind == AtomKind::SlabZ ? 2 : 0;
-  const int last = atom.kind == AtomKind::SlabX ? 1 : atom.kind == AtomKind::SlabY || atom.kind == AtomKind::Tube ? 2 : 3;
+  const int last = atom.kind == AtomKind::SlabX                                  ? 1
+                   : atom.kind == AtomKind::SlabY || atom.kind == AtomKind::Tube ? 2
+                                                                                 : 3;
   D rel[3];
   for (int j = 0; j < 3; ++j) rel[j] = packet.o[j] - all_double(frame.offset[j]);
   double steepest = 0;
@@ -483,7 +485,8 @@ class Walker {
 
     const Operator* operators = model_.operators + cell.first_operator;
     const auto inside = [&](F s, Mask of) {
-      if (counting) counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
+      if (counting)
+        counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
       return inside_at(atoms, count, operators, cell.operators, spans, s);
     };
     F s = in.enter;
@@ -641,8 +644,9 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
 }
 
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {
-  const auto run = any ? counts ? walk_packet<true, true> : walk_packet<true, false>
-                       : counts ? walk_packet<false, true> : walk_packet<false, false>;
+  const auto run = any      ? counts ? walk_packet<true, true> : walk_packet<true, false>
+                   : counts ? walk_packet<false, true>
+                            : walk_packet<false, false>;
   run(model, rays, answer, counts);
 }
 

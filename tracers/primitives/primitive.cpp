@@ -25,7 +25,7 @@ bool contains(const Leaf& leaf, const Vec3& p) {
     case Kind::Cone:
       return cone::contains(leaf.size, p);
     case Kind::Torus:
-      break;  // not convex: torus_class.hpp
+      return torus::contains(leaf.size, p);
   }
   return false;
 }
@@ -59,10 +59,17 @@ bool separated(const Leaf& leaf, const Box& box) {
   return false;
 }
 
-/// Whether the point of the box nearest the leaf's centre lies in the leaf: then they overlap.
+/// Whether a point of the box is known that lies in the leaf: then they overlap. It is the point of the
+/// box nearest the leaf's centre or, for a torus, nearest the point of its circle that the box is near.
 bool surely_overlaps(const Leaf& leaf, const Box& box) {
-  const Vec3 nearest = max(box.lo, min(box.hi, leaf.world_from_local.offset));
-  return leaf.kind != Kind::Torus && contains(leaf, to_local(leaf, nearest));
+  Vec3 inner = leaf.world_from_local.offset;
+  if (leaf.kind == Kind::Torus) {
+    const Vec3 towards = to_local(leaf, box.center());
+    const double rho = std::sqrt(towards.x * towards.x + towards.y * towards.y);
+    if (!(rho > 0)) return false;
+    inner = leaf.world_from_local * Vec3{leaf.size[0] / rho * towards.x, leaf.size[0] / rho * towards.y, 0};
+  }
+  return contains(leaf, to_local(leaf, max(box.lo, min(box.hi, inner))));
 }
 
 /// A ray as a leaf sees it.
@@ -202,14 +209,18 @@ double local_radius(const Leaf& leaf) {
 }
 
 Class classify(const Leaf& leaf, const Box& box) {
-  if (intersection(leaf.bounds, box).empty()) return Class::Empty;
-  if (!surely_overlaps(leaf, box) && separated(leaf, box)) return Class::Empty;
+  const Box common = intersection(leaf.bounds, box);
+  if (common.empty()) return Class::Empty;
+  if (common == leaf.bounds) return Class::Partial;  // all of the leaf lies in the box
   if (leaf.kind == Kind::Torus) {
     const Mat3& local = leaf.local_from_world;
     const Vec3 half = box.half();
     const Mat3 edges{{half.x * local.col[0], half.y * local.col[1], half.z * local.col[2]}};
-    return torus::classify(leaf.size, to_local(leaf, box.center()), edges, 1);
+    const Class kind = torus::classify(leaf.size, to_local(leaf, box.center()), edges, 1);
+    if (kind != Class::Partial) return kind;
+    return !surely_overlaps(leaf, box) && separated(leaf, box) ? Class::Empty : Class::Partial;
   }
+  if (!surely_overlaps(leaf, box) && separated(leaf, box)) return Class::Empty;
   return contains_box(leaf, box) ? Class::Full : Class::Partial;
 }
 

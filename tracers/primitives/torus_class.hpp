@@ -6,11 +6,18 @@
 
 namespace csg::torus {
 
-/// Distance of the point nearest 0 of the segment [a, b] in the xy plane.
-inline double segment_distance(const Vec3& a, const Vec3& b) {
-  const double dx = b.x - a.x, dy = b.y - a.y, dd = dx * dx + dy * dy;
+inline double flat_square(double x, double y) { return x * x + y * y; }
+
+inline bool contains(const double* size, const Vec3& p) {
+  const double off = std::sqrt(flat_square(p.x, p.y)) - size[0];
+  return flat_square(off, p.z) <= size[1] * size[1];
+}
+
+/// Squared distance of the point nearest 0 of the segment [a, b] in the xy plane.
+inline double segment_distance_square(const Vec3& a, const Vec3& b) {
+  const double dx = b.x - a.x, dy = b.y - a.y, dd = flat_square(dx, dy);
   const double s = dd > 0 ? std::clamp(-(a.x * dx + a.y * dy) / dd, 0.0, 1.0) : 0;
-  return std::hypot(a.x + s * dx, a.y + s * dy);
+  return flat_square(a.x + s * dx, a.y + s * dy);
 }
 
 /// Range of ρ over the parallelepiped centre ± e₁ ± e₂ ± e₃, up to rounding.
@@ -19,7 +26,7 @@ inline std::pair<double, double> rho_range(const Vec3& centre, const Mat3& edges
   double nearest = kInfinity, farthest = 0;
   for (int i = 0; i < 8; ++i) {
     corner[i] = centre + edges * Vec3{i & 1 ? 1.0 : -1.0, i & 2 ? 1.0 : -1.0, i & 4 ? 1.0 : -1.0};
-    farthest = std::max(farthest, std::hypot(corner[i].x, corner[i].y));
+    farthest = std::max(farthest, flat_square(corner[i].x, corner[i].y));
   }
   // The projection is a zonogon: it contains 0 iff 0 is inside all three strips along its edges.
   bool contains_axis = true;
@@ -29,11 +36,11 @@ inline std::pair<double, double> rho_range(const Vec3& centre, const Mat3& edges
     for (const Vec3& edge : edges.col) width += std::fabs(across(edge));
     contains_axis = contains_axis && std::fabs(across(centre)) <= width;
   }
-  if (contains_axis) return {0, farthest};
+  if (contains_axis) return {0, std::sqrt(farthest)};
   for (int i = 0; i < 8; ++i)
     for (int bit = 1; bit < 8; bit *= 2)
-      if (!(i & bit)) nearest = std::min(nearest, segment_distance(corner[i], corner[i | bit]));
-  return {nearest, farthest};
+      if (!(i & bit)) nearest = std::min(nearest, segment_distance_square(corner[i], corner[i | bit]));
+  return {std::sqrt(nearest), std::sqrt(farthest)};
 }
 
 /// Exact for boxes aligned with the torus; for others it is split `splits` times where in doubt. Each
@@ -47,8 +54,8 @@ inline Class classify(const double* size, const Vec3& centre, const Mat3& edges,
   const double z_lo = std::max(0.0, std::fabs(centre.z) - z_half - rounding), z_hi = std::fabs(centre.z) + z_half;
   const double off_lo = std::max({0.0, rho_lo - rounding - major, major - rho_hi - rounding});
   const double off_hi = std::max(std::fabs(rho_lo - major), std::fabs(rho_hi - major));
-  if (std::hypot(off_lo, z_lo) > minor) return Class::Empty;
-  if (std::hypot(off_hi, z_hi) < minor) return Class::Full;
+  if (flat_square(off_lo, z_lo) > minor * minor) return Class::Empty;
+  if (flat_square(off_hi, z_hi) < minor * minor) return Class::Full;
   if (splits == 0) return Class::Partial;
 
   const Mat3 half{{0.5 * edges.col[0], 0.5 * edges.col[1], 0.5 * edges.col[2]}};

@@ -10,7 +10,7 @@
 //           parents. top_down: of the root first, then of its children.
 //           median: the face that divides the primitives' S-bounds most evenly.
 //   d, h    limits, as for the octree; a level is one cut.
-#include "../params.hpp"
+//   budget_mb   where it is spent, regions stay uncut.
 #include "../structures/cells.hpp"
 
 namespace csg {
@@ -25,9 +25,9 @@ struct Plane {
 
 class ChuangHwang final : public Tracer {
  public:
-  ChuangHwang(std::shared_ptr<const CsgTree> tree, int d, int h, Order order)
+  ChuangHwang(std::shared_ptr<const CsgTree> tree, int d, int h, Order order, std::size_t most_bytes)
       : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
-    Builder(*this, d, h, order).divide(global_tree(*tree_), world_, 0);
+    Builder(*this, d, h, order, most_bytes).divide(global_tree(*tree_), world_, 0);
     nodes_.shrink_to_fit();
     trees_.shrink();
   }
@@ -37,6 +37,7 @@ class ChuangHwang final : public Tracer {
   std::map<std::string, double> facts() const override {
     std::map<std::string, double> facts{{"cells", static_cast<double>(nodes_.size() / 2 + 1)},
                                         {"deepest_level", deepest_level_}};
+    if (over_budget_ > 0) facts["cells_over_budget"] = static_cast<double>(over_budget_);
     trees_.describe(facts);
     return facts;
   }
@@ -53,11 +54,12 @@ class ChuangHwang final : public Tracer {
 
   class Builder {
    public:
-    Builder(ChuangHwang& bsp, int d, int h, Order order)
+    Builder(ChuangHwang& bsp, int d, int h, Order order, std::size_t most_bytes)
         : bsp_(bsp),
           d_(d),
           h_(h),
           order_(order),
+          most_bytes_(most_bytes),
           classifier_(*bsp.tree_),
           tree_of_level_(static_cast<std::size_t>(d) + 1) {}
 
@@ -67,7 +69,10 @@ class ChuangHwang final : public Tracer {
       std::vector<TreeNode>& tree = tree_of_level_[static_cast<std::size_t>(level)];
       const Class kind = classifier_.localize(parent, region, tree);
       if (kind != Class::Partial) return add_leaf(Cell::constant(kind == Class::Full));
-      const Plane plane = level == d_ || leaf_count(tree) <= h_ ? Plane{} : choose(tree, region);
+      const bool divisible = level < d_ && leaf_count(tree) > h_;
+      const bool over_budget = divisible && bsp_.bytes() > most_bytes_;
+      bsp_.over_budget_ += over_budget;
+      const Plane plane = divisible && !over_budget ? choose(tree, region) : Plane{};
       if (plane.axis < 0) return add_leaf(bsp_.trees_.add(tree, region));
       const std::size_t self = bsp_.nodes_.size();
       bsp_.nodes_.push_back({plane.at, 0, plane.axis});
@@ -132,6 +137,7 @@ class ChuangHwang final : public Tracer {
     ChuangHwang& bsp_;
     int d_, h_;
     Order order_;
+    std::size_t most_bytes_;
     CellClassifier classifier_;
     std::vector<std::vector<TreeNode>> tree_of_level_;
     std::vector<Box> bounds_;
@@ -184,6 +190,7 @@ class ChuangHwang final : public Tracer {
   std::vector<BspNode> nodes_;
   CellTrees trees_;
   int deepest_level_ = 0;
+  std::size_t over_budget_ = 0;  // regions not cut for want of memory
 };
 
 }  // namespace
@@ -208,13 +215,15 @@ const SchemeInfo scheme_chuang_hwang{
                 .meaning = "which face of which S-bound cuts first",
                 .default_value = std::string("median"),
                 .choices = {"bottom_up", "top_down", "median"},
-                .trial_values = {std::string("bottom_up"), std::string("top_down"), std::string("median")}}},
+                .trial_values = {std::string("bottom_up"), std::string("top_down"), std::string("median")}},
+               budget_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       const std::string& order = params.choice("order");
       return std::make_unique<ChuangHwang>(std::move(tree), params.integer("d"), params.integer("h"),
                                            order == "bottom_up"  ? Order::BottomUp
                                            : order == "top_down" ? Order::TopDown
-                                                                 : Order::Median);
+                                                                 : Order::Median,
+                                           budget_of(params));
     }};
 
 }  // namespace csg

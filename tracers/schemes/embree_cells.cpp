@@ -6,7 +6,7 @@
 // tells by itself whether the ray has passed a boundary before. The nearest hit of all cells is the
 // hit. Where a surface lies so close to a cell's wall that its tie band reaches across it, the ray is
 // traced again through the octree, in order (hit_rule.hpp): rare, and the same answer by definition.
-//   d, h   limits of the octree.
+//   d, h, build_threads, budget_mb   limits of the octree, as for sdsm.
 #include "../structures/embree.hpp"
 #include "../structures/octree.hpp"
 
@@ -101,7 +101,7 @@ const SchemeInfo scheme_embree_cells{
     .title = "Embree BVH over the hybrid's cells",
     .params = octree_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<EmbreeCells>(std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")});
+      return std::make_unique<EmbreeCells>(std::move(tree), OctreeLimits::of(params));
     }};
 
 }  // namespace csg

@@ -1,31 +1,15 @@
 // Hybrid SDSM: the SDSM octree with an S-bound in each localized tree (the paper, 3.1.4 and 3.2).
 //
-// The cells are those of sdsm for the same d and h. When a cell's tree is made, its S-bounds are made
+// The cells are those of sdsm for the same parameters. When a cell's tree is made, its S-bounds are made
 // too: upwards by Figure 5, clipped to the cell, downwards. A ray that misses the bound of a tree, or
 // of a subtree, tests none of its halfspaces.
 //   bound   root: one box a cell, tested before its tree (Figure 6). all: a box for every node.
 //   passes  one: the paper's up, clip, down. fixed: repeated until nothing shrinks.
-#include "../structures/octree.hpp"
+//   and those of sdsm.
+#include "../structures/octree_tracer.hpp"
 
 namespace csg {
 namespace {
-
-class HybridSdsm final : public Tracer {
- public:
-  HybridSdsm(std::shared_ptr<const CsgTree> tree, OctreeLimits limits, Bounds bounds, SBoundPasses passes)
-      : Tracer(std::move(tree)), octree_(*tree_, limits, bounds, passes) {}
-
-  std::size_t bytes() const override { return octree_.bytes(); }
-  std::map<std::string, double> facts() const override { return octree_.facts(); }
-
- private:
-  void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
-    trace_cells(*tree_, octree_.world(), octree_.trees(), rays, hits, counters,
-                [&](auto&&... along) { octree_.walk(along...); });
-  }
-
-  Octree octree_;
-};
 
 std::vector<ParamSpec> hybrid_params() {
   std::vector<ParamSpec> params = octree_params();
@@ -39,6 +23,7 @@ std::vector<ParamSpec> hybrid_params() {
                     .default_value = std::string("one"),
                     .choices = {"one", "fixed"},
                     .trial_values = {std::string("one"), std::string("fixed")}});
+  params.push_back(build_param());
   return params;
 }
 
@@ -50,10 +35,8 @@ const SchemeInfo scheme_hybrid_sdsm{
     .title = "Hybrid SDSM (octree and S-bounds)",
     .params = hybrid_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<HybridSdsm>(
-          std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")},
-          params.choice("bound") == "root" ? Bounds::Root : Bounds::All,
-          params.choice("passes") == "one" ? SBoundPasses::One : SBoundPasses::FixedPoint);
+      return make_octree_tracer(std::move(tree), params, params.choice("bound") == "root" ? Bounds::Root : Bounds::All,
+                                params.choice("passes") == "one" ? SBoundPasses::One : SBoundPasses::FixedPoint);
     }};
 
 }  // namespace csg

@@ -5,7 +5,10 @@
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
 // Parameters: d, h; boxes = tight | cells.
+#include <bit>
+
 #include "../packets/build.hpp"
+#include "../structures/parallel.hpp"
 
 namespace csg {
 namespace {
@@ -14,10 +17,10 @@ static_assert(sizeof(Ray) == 8 * sizeof(double));
 
 class PacketSdsm final : public Tracer {
  public:
-  PacketSdsm(std::shared_ptr<const CsgTree> tree, int d, int h, bool tight)
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight)
       : Tracer(std::move(tree)),
-        octree_(*tree_, {d, h, packets::kMargin}),
-        packets_(*tree_, octree_, tight),
+        octree_(*tree_, limits),
+        packets_(*tree_, octree_, tight, thread_count(limits.threads)),
         walk_(packets::walk_for_this_machine()) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
@@ -59,11 +62,7 @@ class PacketSdsm final : public Tracer {
       }
       if (counters) counters->primitives_tested += static_cast<std::uint64_t>(std::popcount(answer.hit));
     });
-    std::vector<Ray> again;
-    for (const std::size_t at : unsure) again.push_back(rays[at]);
-    std::vector<Hit> found(again.size());
-    trace_cells(*tree_, octree_.world(), octree_.trees(), again, found, counters,
-                [&](auto&&... along) { octree_.walk(along...); });
+    const std::vector<Hit> found = search(rays, unsure, counters);
     for (std::size_t i = 0; i < unsure.size(); ++i) hits[unsure[i]] = found[i];
   }
 
@@ -75,12 +74,18 @@ class PacketSdsm final : public Tracer {
         if (answer.unsure >> i & 1) unsure.push_back(first + static_cast<std::size_t>(i));
       }
     });
-    std::vector<Ray> again;
-    for (const std::size_t at : unsure) again.push_back(rays[at]);
-    std::vector<Hit> found(again.size());
-    trace_cells(*tree_, octree_.world(), octree_.trees(), again, found, counters,
-                [&](auto&&... along) { octree_.walk(along...); });
+    const std::vector<Hit> found = search(rays, unsure, counters);
     for (std::size_t i = 0; i < unsure.size(); ++i) blocked[unsure[i]] = found[i].leaf >= 0;
+  }
+
+  /// What the scalar search says of some of the rays.
+  std::vector<Hit> search(std::span<const Ray> rays, const std::vector<std::size_t>& which, Counters* counters) const {
+    std::vector<Ray> again;
+    for (const std::size_t i : which) again.push_back(rays[i]);
+    std::vector<Hit> found(again.size());
+    trace_cells(*tree_, octree_.world(), octree_, again, found, counters,
+                [&](auto&&... along) { octree_.walk(along...); });
+    return found;
   }
 
   /// The leaf's crossing near where floats have found it; false if it is not the only one there.
@@ -107,11 +112,12 @@ class PacketSdsm final : public Tracer {
 
 std::vector<ParamSpec> packet_params() {
   std::vector<ParamSpec> params = octree_params();
-  params.push_back({.name = "boxes",
-                    .meaning = "tight: cells shrunk to where their trees are not constant; cells: as the octree has them",
-                    .default_value = std::string("tight"),
-                    .choices = {"tight", "cells"},
-                    .trial_values = {std::string("tight"), std::string("cells")}});
+  params.push_back(
+      {.name = "boxes",
+       .meaning = "tight: cells shrunk to where their trees are not constant; cells: as the octree has them",
+       .default_value = std::string("tight"),
+       .choices = {"tight", "cells"},
+       .trial_values = {std::string("tight"), std::string("cells")}});
   return params;
 }
 
@@ -123,8 +129,9 @@ const SchemeInfo scheme_packet_sdsm{
     .title = "Packet SDSM (16 rays, tight boxes, atoms)",
     .params = packet_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<PacketSdsm>(std::move(tree), params.integer("d"), params.integer("h"),
-                                          params.choice("boxes") == "tight");
+      OctreeLimits limits = OctreeLimits::of(params);
+      limits.margin = packets::kMargin;
+      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight");
     }};
 
 }  // namespace csg

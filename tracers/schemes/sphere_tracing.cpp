@@ -204,7 +204,7 @@ const SchemeInfo scheme_sphere_tracing{
     .params = sphere_tracing_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       const double tolerance = std::pow(10.0, -params.integer("tolerance")) * tree->size();
-      return std::make_unique<SphereTracing>(std::move(tree), OctreeLimits{params.integer("d"), params.integer("h")},
+      return std::make_unique<SphereTracing>(std::move(tree), OctreeLimits::of(params),
                                              MarchLimits{tolerance, params.integer("steps")});
     }};
 

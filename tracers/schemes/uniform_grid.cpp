@@ -3,8 +3,8 @@
 // The solid's bounding box is cut into n voxels along its longest side and as many of about the same
 // size along the others. Rays go from voxel to voxel by 3D-DDA (Amanatides and Woo 1987), with t
 // computed from the plane's index and never summed up, so that no voxel is skipped.
-//   n   voxels along the longest side.
-#include "../params.hpp"
+//   n           voxels along the longest side.
+//   budget_mb   where it is spent, voxels side by side share a tree.
 #include "../structures/cells.hpp"
 
 namespace csg {
@@ -12,8 +12,8 @@ namespace {
 
 class UniformGrid final : public Tracer {
  public:
-  UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution)
-      : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
+  UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution, std::size_t most_bytes)
+      : Tracer(std::move(tree)), world_(tree_->world()), most_bytes_(most_bytes), trees_(*tree_) {
     const Vec3 extent = world_.hi - world_.lo;
     const double voxel = std::max({extent.x, extent.y, extent.z}) / resolution;
     for (int axis = 0; axis < 3; ++axis) {
@@ -32,6 +32,7 @@ class UniformGrid final : public Tracer {
 
   std::map<std::string, double> facts() const override {
     std::map<std::string, double> facts{{"cells", static_cast<double>(cells_.size())}};
+    if (over_budget_ > 0) facts["cells_over_budget"] = static_cast<double>(over_budget_);
     trees_.describe(facts);
     return facts;
   }
@@ -61,7 +62,10 @@ class UniformGrid final : public Tracer {
     std::vector<TreeNode>& tree = tree_of_depth[depth];
     const Class kind = classifier.localize(parent, box, tree);
     const int middle = (range.lo[longest] + range.hi[longest]) / 2;
-    if (kind != Class::Partial || middle == range.lo[longest]) {
+    const bool divisible = kind == Class::Partial && middle != range.lo[longest];
+    const bool over_budget = divisible && bytes() > most_bytes_;
+    over_budget_ += over_budget;
+    if (!divisible || over_budget) {
       const Cell cell = kind == Class::Partial ? trees_.add(tree, box) : Cell::constant(kind == Class::Full);
       int at[3];
       for (at[2] = range.lo[2]; at[2] < range.hi[2]; ++at[2])
@@ -122,6 +126,8 @@ class UniformGrid final : public Tracer {
   int size_[3];
   Vec3 step_;
   std::vector<std::int32_t> cells_;
+  std::size_t most_bytes_;
+  std::size_t over_budget_ = 0;  // ranges of voxels that share a tree for want of memory
   CellTrees trees_;
 };
 
@@ -136,9 +142,10 @@ const SchemeInfo scheme_uniform_grid{
                 .default_value = 48L,
                 .minimum = 1,
                 .maximum = 400,
-                .trial_values = {1L, 7L, 32L}}},
+                .trial_values = {1L, 7L, 32L}},
+               budget_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"));
+      return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"), budget_of(params));
     }};
 
 }  // namespace csg

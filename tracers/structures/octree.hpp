@@ -1,19 +1,31 @@
 // SDSM, the Spatially Divided Solid Model: an octree of localized CSG trees (the paper's section
-// 3.1.3), shared by sdsm, hybrid_sdsm and embree_cells.
+// 3.1.3), shared by sdsm, hybrid_sdsm, embree_cells and sphere_tracing. Built whole, before the first ray;
+// lazy_octree.hpp is the same octree built as rays need it.
 #pragma once
 #include "../params.hpp"
 #include "cells.hpp"
+#include "octree_walk.hpp"
 
 namespace csg {
 
-/// Limits of the subdivision: the paper's d and h.
+/// Limits of the subdivision: the paper's d and h; and of what it may take.
 struct OctreeLimits {
-  int d;  ///< maximum level; the root is level 0
-  int h;  ///< a cell with this many halfspaces, or fewer, is not divided
+  int d;                                    ///< maximum level; the root is level 0
+  int h;                                    ///< a cell with this many halfspaces, or fewer, is not divided
+  int threads = 1;                          ///< that build; 0: one a core
+  std::size_t most_bytes = kDefaultBudget;  ///< cells are divided no further once the structure takes this
   double margin = 0;  ///< cells' trees hold so far around them, in halves of their sides, besides P
+
+  static OctreeLimits of(const Params& params);
+
+  /// Whether a Partial cell is to be divided. One hardly thicker than the pad of classes has nothing to
+  /// gain from it.
+  bool divides(const CsgTree& model, TreeView tree, const Box& cell, int level) const {
+    return level < d && leaf_count(tree) > h && !(cell.half().x < 8 * model.pad());
+  }
 };
 
-/// The declarations of d and h, for schemes built on the octree.
+/// The declarations of d, h and the limits of building, for schemes built on the octree.
 std::vector<ParamSpec> octree_params();
 
 class Octree {
@@ -27,12 +39,6 @@ class Octree {
   static bool is_cell(Link link) { return link < 0; }
   static Cell cell(Link link) { return cell_of(link); }
   Link child(Link link, int number) const { return children_[static_cast<std::size_t>(link + number)]; }
-  static Box child_box(const Box& box, int child) {
-    const Vec3 centre = box.center();
-    Box out = box;
-    for (int axis = 0; axis < 3; ++axis) (child >> axis & 1 ? out.lo : out.hi)[axis] = centre[axis];
-    return out;
-  }
 
   const Box& world() const { return world_; }
   const CellTrees& trees() const { return trees_; }
@@ -45,73 +51,37 @@ class Octree {
       const auto [link, box] = todo.back();
       todo.pop_back();
       if (link >= 0)
-        for (int child = 0; child < 8; ++child)
-          todo.emplace_back(children_[static_cast<std::size_t>(link + child)], child_box(box, child));
+        for (int i = 0; i < 8; ++i) todo.emplace_back(children_[static_cast<std::size_t>(link + i)], octant(box, i));
       else if (cell_of(link).is_partial())
         visit(cell_of(link), box);
     }
   }
 
-  /// Front to back through terminal cells. An interval [t0, t1) is cut where the ray crosses a
-  /// cell's three middle planes, so that neighbours share their ends to the bit and no point on the
-  /// ray is ever computed. The child is known from which planes lie behind.
+  /// See octree_walk.hpp; `visit(cell, t0, t1)`.
   template <class Visit>
   void walk(const Ray& ray, const Reciprocal& reciprocal, double t0, double t1, Visit visit) const {
-    struct Task {
-      std::int32_t link;
-      double half, centre[3], t0, t1;
+    struct Cells {
+      const std::int32_t* children;
+      bool is_divided(std::int32_t link) const { return link >= 0; }
+      std::int32_t child(std::int32_t link, int i) const {
+        return children[static_cast<std::size_t>(link) + static_cast<std::size_t>(i)];
+      }
     };
-    Task stack[3 * kDeepest + 4];
-    int top = 0;
-    const Vec3 middle = world_.center();
-    stack[top++] = {root_, world_.half().x, {middle.x, middle.y, middle.z}, t0, t1};
-    while (top > 0) {
-      const Task task = stack[--top];
-      if (task.link < 0) {
-        if (visit(cell_of(task.link), task.t0, task.t1)) return;
-        continue;
-      }
-      // The child at t0, and the cuts in ascending order.
-      int child = 0;
-      double cut[3];
-      int axis_of[3], cuts = 0;
-      for (int axis = 0; axis < 3; ++axis) {
-        if (reciprocal.parallel[axis]) {
-          child |= (ray.origin[axis] >= task.centre[axis]) << axis;
-          continue;
-        }
-        const double t = reciprocal.plane(axis, task.centre[axis], ray.origin);
-        const bool forward = reciprocal.forward[axis];
-        child |= ((task.t0 < t) != forward) << axis;
-        if (!(task.t0 < t && t < task.t1)) continue;
-        int at = cuts++;
-        for (; at > 0 && cut[at - 1] > t; --at) cut[at] = cut[at - 1], axis_of[at] = axis_of[at - 1];
-        cut[at] = t, axis_of[at] = axis;
-      }
-      Task part[4];
-      int parts = 0;
-      double from = task.t0;
-      for (int i = 0; i <= cuts; ++i) {
-        const double to = i < cuts ? cut[i] : task.t1;
-        if (from < to) {
-          Task& next = part[parts++];
-          next.link = children_[static_cast<std::size_t>(task.link) + static_cast<std::size_t>(child)];
-          next.half = 0.5 * task.half;
-          for (int axis = 0; axis < 3; ++axis)
-            next.centre[axis] = task.centre[axis] + (child >> axis & 1 ? next.half : -next.half);
-          next.t0 = from, next.t1 = to;
-        }
-        if (i < cuts) child ^= 1 << axis_of[i];
-        from = to;
-      }
-      while (parts > 0) stack[top++] = part[--parts];
-    }
+    walk_octree(Cells{children_.data()}, world_, root_, ray, reciprocal, t0, t1,
+                [&](std::int32_t link, double from, double to) { return visit(cell_of(link), from, to); });
+  }
+
+  /// Passes a ray through a cell on [t0, t1); true if its search has ended.
+  template <class Work>
+  bool pass(Cell cell, BoundarySearch<Work>& search, Work& work, const Reciprocal& reciprocal, double t0,
+            double t1) const {
+    return trees_.pass(cell, search, work, reciprocal, t0, t1);
   }
 
   std::size_t bytes() const { return children_.size() * sizeof(children_[0]) + trees_.bytes(); }
   std::map<std::string, double> facts() const;
 
-  static constexpr int kDeepest = 20;
+  static constexpr int kDeepest = kDeepestOctree;
 
  private:
   class Builder;
@@ -131,6 +101,11 @@ class Octree {
   std::vector<std::int32_t> children_;
   CellTrees trees_;
   int deepest_level_ = 0;
+  std::size_t over_budget_ = 0;  // cells not divided for want of memory
 };
+
+/// The octree's root: a cube around the model's world. Cells of equal sides fit the primitives best, and
+/// d then means the same on every axis.
+Box octree_world(const CsgTree& model);
 
 }  // namespace csg
