@@ -83,7 +83,8 @@ class Structure::CellMaker {
       : tree_(tree), frames_(frames), scale_(scale), tight_(tight), classifier_(tree) {}
 
   struct Batch {
-    std::vector<Node> nodes;  ///< one for each cell of the octree; one whose lo > hi has nothing to be found in it
+    std::vector<Node>
+        nodes;  ///< one for each cell of the octree; one with its low side above its high has nothing to be found in it
     std::vector<Cell> cells;
     std::vector<Atom> atoms;
     std::vector<Operator> operators;
@@ -94,12 +95,12 @@ class Structure::CellMaker {
     margin_ = kMargin * cell.half().x;
     const Box box = tight_ ? tighten(tree, cell) : cell;
     Node node{};
-    node.lo[0] = 1, node.hi[0] = 0;
+    node.side[0] = 1, node.side[3] = 0;
     if (!box.empty() && classifier_.localize(tree, box, kept_, margin_) == Class::Partial) {
       const Box entered = box.padded(margin_ / 2);
       for (int axis = 0; axis < 3; ++axis) {
-        node.lo[axis] = static_cast<float>((entered.lo[axis] - scale_.middle[axis]) / scale_.unit);
-        node.hi[axis] = static_cast<float>((entered.hi[axis] - scale_.middle[axis]) / scale_.unit);
+        node.side[axis] = static_cast<float>((entered.lo[axis] - scale_.middle[axis]) / scale_.unit);
+        node.side[3 + axis] = static_cast<float>((entered.hi[axis] - scale_.middle[axis]) / scale_.unit);
       }
       out.cells.push_back(cell_of(kept_, box, cell));
     }
@@ -309,7 +310,7 @@ class NodeMaker {
     if (octree_.is_cell(link)) {
       if (!octree_.cell(link).is_partial()) return std::nullopt;
       const Node& cell = cells_[octree_.cell(link).tree()];
-      if (!(cell.lo[0] <= cell.hi[0])) return std::nullopt;
+      if (!(cell.side[0] <= cell.side[3])) return std::nullopt;
       return cell;
     }
     Node children[8], node{};
@@ -326,8 +327,8 @@ class NodeMaker {
     if (count == 1) return node;
     for (const Node& child : std::span(children, static_cast<std::size_t>(count))) {
       for (int axis = 0; axis < 3; ++axis) {
-        node.lo[axis] = std::min(node.lo[axis], child.lo[axis]);
-        node.hi[axis] = std::max(node.hi[axis], child.hi[axis]);
+        node.side[axis] = std::min(node.side[axis], child.side[axis]);
+        node.side[3 + axis] = std::max(node.side[3 + axis], child.side[3 + axis]);
       }
     }
     node.octants = octants;
@@ -382,7 +383,7 @@ void Structure::build(const CsgTree& tree, const Octree& octree, bool tight, std
     for (Node node : batch.nodes) {
       node.link = static_cast<std::int32_t>(cells_.size());
       leaves.push_back(node);
-      if (!(node.lo[0] <= node.hi[0])) continue;
+      if (!(node.side[0] <= node.side[3])) continue;
       Cell cell = batch.cells[made++];
       cell.first_atom += static_cast<std::uint32_t>(atoms_.size());
       cell.first_operator += static_cast<std::uint32_t>(operators_.size());

@@ -92,6 +92,19 @@ inline F away_from_zero(F a) {
 inline int count_of(Mask m) { return __builtin_popcount(m); }
 inline int first_of(Mask m) { return __builtin_ctz(m); }
 
+#if defined(__AVX512F__)
+inline Mask less(D8 a, D8 b) { return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ); }
+#else
+inline Mask less(D8 a, D8 b) {
+  Mask bits = 0;
+  for (int i = 0; i < 8; ++i) bits |= static_cast<Mask>(a[i] < b[i]) << i;
+  return bits;
+}
+#endif
+inline Mask less(const D& a, const D& b) { return less(a.half[0], b.half[0]) | less(a.half[1], b.half[1]) << 8; }
+inline D max(const D& a, const D& b) {
+  return {{a.half[0] > b.half[0] ? a.half[0] : b.half[0], a.half[1] > b.half[1] ? a.half[1] : b.half[1]}};
+}
 inline D operator+(const D& a, const D& b) { return {{a.half[0] + b.half[0], a.half[1] + b.half[1]}}; }
 inline D operator-(const D& a, const D& b) { return {{a.half[0] - b.half[0], a.half[1] - b.half[1]}}; }
 inline D operator*(const D& a, const D& b) { return {{a.half[0] * b.half[0], a.half[1] * b.half[1]}}; }

@@ -9,7 +9,7 @@ namespace csg::packets {
 
 /// A box with its octants, or with a cell.
 struct Node {
-  float lo[3], hi[3];
+  float side[6];          ///< low on x, y, z; high on x, y, z
   std::int32_t link;      ///< the first child's node, or the cell
   std::uint32_t octants;  ///< one bit for each child, which stand in their order; 0 for a cell
 };
@@ -86,7 +86,7 @@ struct Counts {
 /// Finds the first boundary of each ray, or any if that will do; `counts` may be null.
 using Walk = void (*)(const Model&, const Rays&, bool any, Answer&, Counts* counts);
 
-/// The walk for the widest instruction set that this machine has.
-Walk walk_for_this_machine();
+/// The walk for the widest instruction set that this machine has, up to a level of x86-64: 2, 3 or 4.
+Walk walk_up_to(int level);
 
 }  // namespace csg::packets

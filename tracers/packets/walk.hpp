@@ -173,14 +173,18 @@ struct Quartic {
     once = down | up;
   }
 
-  /// The root in [lo, hi], where the sign changes once; `falls` where it goes from + to −.
-  F root_in(F lo, F hi, Mask falls) const {
-    F s = 0.5f * (lo + hi);
-    for (int step = 0; step < 7; ++step) {
+  /// The root in [lo, hi], where the sign changes once, from the chord: Newton, halving where it leaves the bracket,
+  /// until the rays `of` are near enough.
+  F root_in(F lo, F hi, F enough, Mask of) const {
+    const F at_lo = at(lo), at_hi = at(hi);
+    const Mask falls = less(F{}, at_lo);
+    F s = lo + (hi - lo) * (at_lo / away_from_zero(at_lo - at_hi));
+    for (int step = 0; step < 12; ++step) {
       const F value = at(s);
-      const Mask left = less(F{}, value) ^ ~falls;  // the root lies to the right of s
-      lo = select(left & 0xffff, s, lo);
-      hi = select(left & 0xffff, hi, s);
+      if (!(of & less(enough, magnitude(value)))) break;
+      const Mask behind = ~(less(F{}, value) ^ falls);  // the root lies behind s
+      lo = select(behind, s, lo);
+      hi = select(behind, hi, s);
       const F next = s - value / away_from_zero(slope(s));
       s = select(at_most(lo, next) & at_most(next, hi), next, 0.5f * (lo + hi));
     }
@@ -222,9 +226,8 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   F lowest = F{};
   if (rest) {
     // Look for a place inside, or for proof that there is none, on either side of the lowest point.
-    for (int step = 0; step < 5; ++step) {
-      const F bend = g.bend(lowest);
-      const F by = g.slope(lowest) / max(magnitude(bend), all(1e-12f));
+    for (int step = 0; step < 3; ++step) {
+      const F by = g.slope(lowest) / max(magnitude(g.bend(lowest)), all(1e-12f));
       lowest = min(max(lowest - by, left), right);
     }
     const F m1 = 0.5f * (left + lowest), w1 = 0.5f * (lowest - left), m2 = 0.5f * (lowest + right),
@@ -236,34 +239,29 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     two = rest & once1 & once2 & less(g.at(lowest), -slack) & ~rises;
     rest &= ~two;
   }
-  Mask grazed = rest;
-  const Mask roots = told | two;
-  if (roots) {
-    const Mask first = (told & ~rises) | two, second = (told & rises) | two;
-    F margin = F{};
-    if (first) {
-      const F s = g.root_in(left, select(two, lowest, right), 0xffff);
-      const F speed = magnitude(g.slope(s));
-      const F by = (slack + magnitude(g.at(s))) / max(speed, all(1e-20f));
-      margin = max(margin, select(first, by, F{}));
-      lo = select(first, s + (atom.negative ? by : -by), lo);
-      if (const Mask only = told & ~rises) hi = select(only, all(kNever), hi);
-    }
-    if (second) {
-      const F s = g.root_in(select(two, lowest, left), right, 0);
-      const F speed = magnitude(g.slope(s));
-      const F by = (slack + magnitude(g.at(s))) / max(speed, all(1e-20f));
-      margin = max(margin, select(second, by, F{}));
-      hi = select(second, s + (atom.negative ? -by : by), hi);
-      if (const Mask only = told & rises) lo = select(only, all(-kNever), lo);
-    }
-    grazed |= roots & less(all(0.25f * window), margin);
+  Mask grazed = 0;
+  // Where it is entered or left, outwards or inwards by what rounding may cost, as long as the slope says so.
+  const F outwards = all(atom.negative ? -1 : 1);
+  const auto crossing = [&](Mask of, F from, F to, F side) {
+    const F s = g.root_in(from, to, 0.25f * slack, of), value = magnitude(g.at(s)),
+            speed = max(magnitude(g.slope(s)), all(1e-20f));
+    const F by = (slack + value) / speed;
+    rest |= of & (less(slack, value) | less(0.25f * speed, by * magnitude(g.bend(s))));
+    grazed |= of & less(all(0.25f * window), by);
+    return s + side * by;
+  };
+  if (const Mask entered = (told & ~rises) | two, left_only = told & rises; entered | left_only) {
+    const F s = crossing(entered | left_only, left, select(two, lowest, right), select(left_only, outwards, -outwards));
+    lo = select(entered, s, select(left_only, all(-kNever), lo));
+    hi = select(left_only, s, select(entered, all(kNever), hi));
   }
-  // A lane that could not be told counts as in the torus if it adds to the solid, else as outside.
-  if (rest && !atom.negative) lo = select(rest, all(-kNever), lo), hi = select(rest, all(kNever), hi);
+  if (two) hi = select(two, crossing(two, lowest, right, outwards), hi);
+  // A ray of which it could not be told is taken to be inside if the torus adds to the solid, else outside.
+  lo = select(rest, all(atom.negative ? kNever : -kNever), lo);
+  hi = select(rest, all(atom.negative ? -kNever : kNever), hi);
   lo += middle;
   hi += middle;
-  return grazed;
+  return grazed | rest;
 }
 
 inline D square_root(const D& a) {
@@ -371,15 +369,16 @@ class Walker {
     int top = 0;
     active_ = lanes;
     limit_ = packet_.end;
+    for (int axis = 0; axis < 3; ++axis) nearer_[axis] = axis + (octant >> axis & 1 ? 3 : 0);
     F enter, exit;
-    stack[top++] = {0, meets(model_.nodes[0], octant, enter, exit)};
+    stack[top++] = {0, meets(model_.nodes[0], enter, exit)};
     while (top > 0) {
       const Task task = stack[--top];
       const Mask met = task.lanes & active_;
       if (!met) continue;
       const Node& node = model_.nodes[task.node];
       if (node.octants == 0) {
-        const Mask still = met & meets(node, octant, enter, exit);
+        const Mask still = met & meets(node, enter, exit);
         if (still) pass(model_.cells[node.link], still, enter, exit);
         if (!active_) return;
         continue;
@@ -391,7 +390,7 @@ class Walker {
         order ^= 1u << last;
         const unsigned bit = 1u << (last ^ octant);
         const std::int32_t child = node.link + count_of(node.octants & (bit - 1));
-        const Mask lanes_met = met & meets(model_.nodes[child], octant, enter, exit);
+        const Mask lanes_met = met & meets(model_.nodes[child], enter, exit);
         stack[top] = {child, lanes_met};
         top += lanes_met != 0;
       }
@@ -407,15 +406,13 @@ class Walker {
     return octants;
   }
 
-  /// The interval in a box of rays that go to the signs of `octant`.
-  Mask meets(const Node& node, int octant, F& enter, F& exit) const {
+  /// The rays' interval in a box.
+  Mask meets(const Node& node, F& enter, F& exit) const {
     if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(active_));
     enter = F{}, exit = limit_;
     for (int axis = 0; axis < 3; ++axis) {
-      const bool down = octant >> axis & 1;
-      const float nearer = down ? node.hi[axis] : node.lo[axis], farther = down ? node.lo[axis] : node.hi[axis];
-      enter = max(enter, nearer * packet_.inverse[axis] - packet_.scaled[axis]);
-      exit = min(exit, farther * packet_.inverse[axis] - packet_.scaled[axis]);
+      enter = max(enter, node.side[nearer_[axis]] * packet_.inverse[axis] - packet_.scaled[axis]);
+      exit = min(exit, node.side[3 - nearer_[axis] + 2 * axis] * packet_.inverse[axis] - packet_.scaled[axis]);
     }
     return at_most(enter, exit);
   }
@@ -564,7 +561,8 @@ class Walker {
   Answer& answer_;
   Counts* counts_;
   Mask active_ = 0;
-  F limit_;  // of each ray's way: its end, or a boundary
+  int nearer_[3];  // which sides of a box are met first
+  F limit_;        // of each ray's way: its end, or a boundary
 };
 
 /// Sixteen rays from as many lines of eight doubles.
@@ -594,21 +592,10 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   }
   // From where it enters the ball around the world, or where it starts.
   const D units = speed * all_double(model.per_unit);
-  D start, end;
-  Mask in_world = 0, far = 0, valid = 0;
+  const D from = column[6] * units, enter = all_double(-model.radius) - along;
+  const D start = max(from, enter), end = column[7] * units - start;
   const double near = model.near / model.per_unit;
-  const double radius = model.radius;
-  for (int i = 0; i < kLanes; ++i) {
-    const double from = lane(column[6], i) * lane(units, i), b = lane(along, i);
-    const double enter = -b - radius;
-    const bool outside = enter > from;
-    set_lane(start, i, outside ? enter : from);
-    const double to = lane(column[7], i) * lane(units, i);
-    set_lane(end, i, to - (outside ? enter : from));
-    in_world |= static_cast<Mask>(!outside) << i;
-    far |= static_cast<Mask>(lane(distance, i) > near * near) << i;
-    valid |= static_cast<Mask>(i < rays.count && to > from) << i;
-  }
+  const Mask valid = less(column[6], column[7]) & ((1u << rays.count) - 1);
   for (int axis = 0; axis < 3; ++axis) {
     packet.o[axis] = packet.o[axis] + start * packet.d[axis];
     packet.of[axis] = narrow(packet.o[axis]);
@@ -616,8 +603,8 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     packet.scaled[axis] = packet.of[axis] * packet.inverse[axis];
   }
   packet.end = narrow(end);
-  packet.in_world = in_world;
-  packet.far = far;
+  packet.in_world = ~less(from, enter);
+  packet.far = less(all_double(near * near), distance);
 
   answer.hit = answer.unsure = 0;
   Walker<any, counting> walker(model, packet, answer, counts);

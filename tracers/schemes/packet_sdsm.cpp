@@ -4,7 +4,8 @@
 // its end), the boxes above it are refitted, and primitives are split into atoms, so that a cell keeps the side
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
-// Parameters: d, h; boxes = tight | cells.
+//   boxes         tight | cells: shrunk, or as the octree has them.
+//   instructions  avx512 | avx2 | sse4: no wider than these.
 #include <bit>
 
 #include "../packets/build.hpp"
@@ -17,11 +18,11 @@ static_assert(sizeof(Ray) == 8 * sizeof(double));
 
 class PacketSdsm final : public Tracer {
  public:
-  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight)
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
         packets_(*tree_, octree_, tight, thread_count(limits.threads)),
-        walk_(packets::walk_for_this_machine()) {}
+        walk_(packets::walk_up_to(level)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
   std::map<std::string, double> facts() const override {
@@ -118,6 +119,12 @@ std::vector<ParamSpec> packet_params() {
        .default_value = std::string("tight"),
        .choices = {"tight", "cells"},
        .trial_values = {std::string("tight"), std::string("cells")}});
+  params.push_back({.name = "instructions",
+                    .meaning = "the widest that packets may use, if the machine has them; the answers are the same",
+                    .default_value = std::string("avx512"),
+                    .choices = {"avx512", "avx2", "sse4"},
+                    .trial_values = {std::string("avx512"), std::string("avx2"), std::string("sse4")},
+                    .implied_by_default = true});
   return params;
 }
 
@@ -131,7 +138,9 @@ const SchemeInfo scheme_packet_sdsm{
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       OctreeLimits limits = OctreeLimits::of(params);
       limits.margin = packets::kMargin;
-      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight");
+      const std::string& instructions = params.choice("instructions");
+      const int level = instructions == "avx512" ? 4 : instructions == "avx2" ? 3 : 2;
+      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", level);
     }};
 
 }  // namespace csg
