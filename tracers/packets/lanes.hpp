@@ -1,4 +1,5 @@
-// Sixteen rays side by side: lanes of float and double, and masks of one bit a lane.
+// Sixteen rays side by side: lanes of float, int and double in as many registers as they take, and masks of one bit
+// a lane.
 //
 // Included by walk_v2.cpp, walk_v3.cpp and walk_v4.cpp, which are compiled for three instruction sets.
 // Everything here has internal linkage, so that no function for AVX-512 can be linked into code that
@@ -13,104 +14,179 @@ namespace {
 
 constexpr int kLanes = 16;
 using Mask = std::uint32_t;  // the low 16 bits
-using F = float __attribute__((vector_size(4 * kLanes)));
-using I = std::int32_t __attribute__((vector_size(4 * kLanes)));
-using D8 = double __attribute__((vector_size(64)));
-using F8 = float __attribute__((vector_size(32)));
-
-/// Sixteen doubles in two registers.
-struct D {
-  D8 half[2];
-};
-
-inline F all(float x) { return x - F{}; }
-inline I all_int(std::int32_t x) { return x - I{}; }
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
-inline Mask less(F a, F b) { return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ); }
-inline Mask at_most(F a, F b) { return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ); }
-inline F select(Mask m, F yes, F no) { return _mm512_mask_blend_ps(static_cast<__mmask16>(m), no, yes); }
-inline I select(Mask m, I yes, I no) {
-  return (I)_mm512_mask_blend_epi32(static_cast<__mmask16>(m), (__m512i)no, (__m512i)yes);
-}
-inline F root(F a) { return _mm512_sqrt_ps(a); }
-inline F narrow(const D& d) {
-  return _mm512_insertf32x8(_mm512_castps256_ps512(_mm512_cvtpd_ps(d.half[0])), _mm512_cvtpd_ps(d.half[1]), 1);
-}
+constexpr int kRegister = 64;
+#elif defined(__AVX2__)
+constexpr int kRegister = 32;
 #else
-/// One bit of each lane's sign.
-inline Mask signs(I mask) {
-  Mask bits = 0;
-#if defined(__AVX2__)
-  __m256 part[2];
-  std::memcpy(part, &mask, sizeof part);
-  for (int i = 0; i < 2; ++i) bits |= static_cast<Mask>(_mm256_movemask_ps(part[i])) << 8 * i;
-#else
-  __m128 part[4];
-  std::memcpy(part, &mask, sizeof part);
-  for (int i = 0; i < 4; ++i) bits |= static_cast<Mask>(_mm_movemask_ps(part[i])) << 4 * i;
+constexpr int kRegister = 16;
 #endif
-  return bits;
-}
-inline I lanes_of(Mask m) {
-  const I bit = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
-  return (all_int(static_cast<std::int32_t>(m)) & bit) != 0;
-}
-inline Mask less(F a, F b) { return signs(a < b); }
-inline Mask at_most(F a, F b) { return signs(a <= b); }
-inline F select(Mask m, F yes, F no) { return lanes_of(m) ? yes : no; }
-inline I select(Mask m, I yes, I no) { return lanes_of(m) ? yes : no; }
-inline F root(F a) {
-#if defined(__AVX2__)
-  __m256 part[2];
-  std::memcpy(part, &a, sizeof part);
-  for (__m256& p : part) p = _mm256_sqrt_ps(p);
-#else
-  __m128 part[4];
-  std::memcpy(part, &a, sizeof part);
-  for (__m128& p : part) p = _mm_sqrt_ps(p);
-#endif
-  std::memcpy(&a, part, sizeof part);
-  return a;
-}
-inline F narrow(const D& d) {
-  const F8 part[2] = {__builtin_convertvector(d.half[0], F8), __builtin_convertvector(d.half[1], F8)};
-  F out;
-  std::memcpy(&out, part, sizeof part);
+
+/// Sixteen of a scalar.
+template <class Scalar>
+struct Wide {
+  typedef Scalar Register __attribute__((vector_size(kRegister)));
+  static constexpr int kEach = kRegister / static_cast<int>(sizeof(Scalar)), kParts = kLanes / kEach;
+
+  Register part[kParts];
+
+  Scalar operator[](int i) const { return part[i / kEach][i % kEach]; }
+};
+using F = Wide<float>;
+using I = Wide<std::int32_t>;
+using D = Wide<double>;
+
+template <class Scalar>
+inline Wide<Scalar> all(Scalar x) {
+  Wide<Scalar> out;
+  for (auto& part : out.part) part = x - typename Wide<Scalar>::Register{};
   return out;
 }
+
+/// `one` of each register of some operands.
+template <class Scalar, class One, class... Operand>
+inline Wide<Scalar> each(One one, const Operand&... operand) {
+  Wide<Scalar> out;
+  for (int i = 0; i < Wide<Scalar>::kParts; ++i) out.part[i] = one(operand.part[i]...);
+  return out;
+}
+/// A bit for each lane, from the bits of each register.
+template <class Scalar, class One, class... Operand>
+inline Mask bits(One one, const Wide<Scalar>& first, const Operand&... operand) {
+  Mask out = 0;
+  for (int i = 0; i < Wide<Scalar>::kParts; ++i)
+    out |= static_cast<Mask>(one(first.part[i], operand.part[i]...)) << i * Wide<Scalar>::kEach;
+  return out;
+}
+
+#define LANES_OPERATOR(op)                                                                 \
+  template <class Scalar>                                                                  \
+  inline Wide<Scalar> operator op(const Wide<Scalar>& a, const Wide<Scalar>& b) {          \
+    return each<Scalar>([](auto x, auto y) { return x op y; }, a, b);                      \
+  }                                                                                        \
+  inline F operator op(float a, const F& b) { return all(a) op b; }                        \
+  inline F operator op(const F& a, float b) { return a op all(b); }
+LANES_OPERATOR(+)
+LANES_OPERATOR(-)
+LANES_OPERATOR(*)
+LANES_OPERATOR(/)
+#undef LANES_OPERATOR
+template <class Scalar>
+inline Wide<Scalar> operator-(const Wide<Scalar>& a) {
+  return each<Scalar>([](auto x) { return -x; }, a);
+}
+template <class Scalar>
+inline Wide<Scalar>& operator+=(Wide<Scalar>& a, const Wide<Scalar>& b) {
+  return a = a + b;
+}
+
+template <class Scalar>
+inline Wide<Scalar> min(const Wide<Scalar>& a, const Wide<Scalar>& b) {
+  return each<Scalar>([](auto x, auto y) { return x < y ? x : y; }, a, b);
+}
+template <class Scalar>
+inline Wide<Scalar> max(const Wide<Scalar>& a, const Wide<Scalar>& b) {
+  return each<Scalar>([](auto x, auto y) { return x > y ? x : y; }, a, b);
+}
+
+using FloatRegister = F::Register;
+using IntRegister = I::Register;
+using DoubleRegister = D::Register;
+
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+inline Mask less(const F& a, const F& b) {
+  return bits([](auto x, auto y) { return _mm512_cmp_ps_mask(x, y, _CMP_LT_OQ); }, a, b);
+}
+inline Mask at_most(const F& a, const F& b) {
+  return bits([](auto x, auto y) { return _mm512_cmp_ps_mask(x, y, _CMP_LE_OQ); }, a, b);
+}
+inline Mask less(const D& a, const D& b) {
+  return bits([](auto x, auto y) { return _mm512_cmp_pd_mask(x, y, _CMP_LT_OQ); }, a, b);
+}
+inline F select(Mask m, const F& yes, const F& no) {
+  return {{_mm512_mask_blend_ps(static_cast<__mmask16>(m), no.part[0], yes.part[0])}};
+}
+inline I select(Mask m, const I& yes, const I& no) {
+  return {{(IntRegister)_mm512_mask_blend_epi32(static_cast<__mmask16>(m), (__m512i)no.part[0], (__m512i)yes.part[0])}};
+}
+inline F root(const F& a) { return {{_mm512_sqrt_ps(a.part[0])}}; }
+inline D root(const D& a) {
+  return each<double>([](auto x) { return _mm512_sqrt_pd(x); }, a);
+}
+#else
+#if defined(__AVX2__)
+inline Mask signs(IntRegister m) { return static_cast<Mask>(_mm256_movemask_ps((__m256)m)); }
+inline FloatRegister root_of(FloatRegister x) { return _mm256_sqrt_ps(x); }
+inline DoubleRegister root_of(DoubleRegister x) { return _mm256_sqrt_pd(x); }
+#else
+inline Mask signs(IntRegister m) { return static_cast<Mask>(_mm_movemask_ps((__m128)m)); }
+inline FloatRegister root_of(FloatRegister x) { return _mm_sqrt_ps(x); }
+inline DoubleRegister root_of(DoubleRegister x) { return _mm_sqrt_pd(x); }
+#endif
+inline Mask less(const F& a, const F& b) {
+  return bits([](auto x, auto y) { return signs(x < y); }, a, b);
+}
+inline Mask at_most(const F& a, const F& b) {
+  return bits([](auto x, auto y) { return signs(x <= y); }, a, b);
+}
+inline Mask less(const D& a, const D& b) {
+  Mask out = 0;
+  for (int i = 0; i < kLanes; ++i) out |= static_cast<Mask>(a[i] < b[i]) << i;
+  return out;
+}
+/// All ones in the lanes of a mask.
+inline IntRegister spread(Mask m, int part) {
+  constexpr std::int32_t kBit[] = {1, 2, 4, 8, 16, 32, 64, 128};
+  IntRegister bit;
+  std::memcpy(&bit, kBit, sizeof bit);
+  return ((static_cast<std::int32_t>(m >> part * I::kEach) - IntRegister{}) & bit) != 0;
+}
+template <class Scalar>
+inline Wide<Scalar> select(Mask m, const Wide<Scalar>& yes, const Wide<Scalar>& no) {
+  Wide<Scalar> out;
+  for (int i = 0; i < Wide<Scalar>::kParts; ++i) out.part[i] = spread(m, i) ? yes.part[i] : no.part[i];
+  return out;
+}
+template <class Scalar>
+inline Wide<Scalar> root(const Wide<Scalar>& a) {
+  return each<Scalar>([](auto x) { return root_of(x); }, a);
+}
 #endif
 
-inline F min(F a, F b) { return a < b ? a : b; }
-inline F max(F a, F b) { return a > b ? a : b; }
-inline F magnitude(F a) { return (F)((I)a & 0x7fffffff); }
-/// |a| kept from 0, with its sign: for divisors.
-inline F away_from_zero(F a) {
-  const I sign = (I)a & static_cast<std::int32_t>(0x80000000);
-  return (F)((I)max(magnitude(a), all(1e-20f)) | sign);
+inline F magnitude(const F& a) {
+  return each<float>([](auto x) { return (FloatRegister)((IntRegister)x & 0x7fffffff); }, a);
 }
+/// |a| kept from 0, with its sign: for divisors.
+inline F away_from_zero(const F& a) {
+  const auto one = [](auto x, auto size) {
+    return (FloatRegister)((IntRegister)size | ((IntRegister)x & static_cast<std::int32_t>(0x80000000)));
+  };
+  return each<float>(one, a, max(magnitude(a), all(1e-20f)));
+}
+
+inline F narrow(const D& d) {
+  using Half = float __attribute__((vector_size(kRegister / 2)));
+  F out;
+  for (int i = 0; i < F::kParts; ++i) {
+    const Half half[2] = {__builtin_convertvector(d.part[2 * i], Half), __builtin_convertvector(d.part[2 * i + 1], Half)};
+    std::memcpy(&out.part[i], half, sizeof half);
+  }
+  return out;
+}
+inline D widen(const F& a) {
+  using Half = float __attribute__((vector_size(kRegister / 2)));
+  D out;
+  for (int i = 0; i < F::kParts; ++i) {
+    Half half[2];
+    std::memcpy(half, &a.part[i], sizeof half);
+    out.part[2 * i] = __builtin_convertvector(half[0], DoubleRegister);
+    out.part[2 * i + 1] = __builtin_convertvector(half[1], DoubleRegister);
+  }
+  return out;
+}
+
 inline int count_of(Mask m) { return __builtin_popcount(m); }
 inline int first_of(Mask m) { return __builtin_ctz(m); }
-
-#if defined(__AVX512F__)
-inline Mask less(D8 a, D8 b) { return _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ); }
-#else
-inline Mask less(D8 a, D8 b) {
-  Mask bits = 0;
-  for (int i = 0; i < 8; ++i) bits |= static_cast<Mask>(a[i] < b[i]) << i;
-  return bits;
-}
-#endif
-inline Mask less(const D& a, const D& b) { return less(a.half[0], b.half[0]) | less(a.half[1], b.half[1]) << 8; }
-inline D max(const D& a, const D& b) {
-  return {{a.half[0] > b.half[0] ? a.half[0] : b.half[0], a.half[1] > b.half[1] ? a.half[1] : b.half[1]}};
-}
-inline D operator+(const D& a, const D& b) { return {{a.half[0] + b.half[0], a.half[1] + b.half[1]}}; }
-inline D operator-(const D& a, const D& b) { return {{a.half[0] - b.half[0], a.half[1] - b.half[1]}}; }
-inline D operator*(const D& a, const D& b) { return {{a.half[0] * b.half[0], a.half[1] * b.half[1]}}; }
-inline D operator/(const D& a, const D& b) { return {{a.half[0] / b.half[0], a.half[1] / b.half[1]}}; }
-inline D all_double(double x) { return {{x - D8{}, x - D8{}}}; }
-inline double lane(const D& d, int i) { return d.half[i / 8][i % 8]; }
-inline void set_lane(D& d, int i, double x) { d.half[i / 8][i % 8] = x; }
 
 }  // namespace

@@ -241,7 +241,7 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   }
   Mask grazed = 0;
   // Where it is entered or left, outwards or inwards by what rounding may cost, as long as the slope says so.
-  const F outwards = all(atom.negative ? -1 : 1);
+  const F outwards = all<float>(atom.negative ? -1 : 1);
   const auto crossing = [&](Mask of, F from, F to, F side) {
     const F s = g.root_in(from, to, 0.25f * slack, of), value = magnitude(g.at(s)),
             speed = max(magnitude(g.slope(s)), all(1e-20f));
@@ -257,22 +257,11 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   }
   if (two) hi = select(two, crossing(two, lowest, right, outwards), hi);
   // A ray of which it could not be told is taken to be inside if the torus adds to the solid, else outside.
-  lo = select(rest, all(atom.negative ? kNever : -kNever), lo);
-  hi = select(rest, all(atom.negative ? -kNever : kNever), hi);
+  lo = select(rest, all<float>(atom.negative ? kNever : -kNever), lo);
+  hi = select(rest, all<float>(atom.negative ? -kNever : kNever), hi);
   lo += middle;
   hi += middle;
   return grazed | rest;
-}
-
-inline D square_root(const D& a) {
-  D out;
-  for (int h = 0; h < 2; ++h) {
-    double part[8];
-    std::memcpy(part, &a.half[h], sizeof part);
-    for (double& x : part) x = __builtin_sqrt(x);
-    std::memcpy(&out.half[h], part, sizeof part);
-  }
-  return out;
 }
 
 /// Where an atom lies whose surface is nearer to a ray's start than floats can tell: by its value
@@ -285,54 +274,54 @@ inline void settle_start(const Atom& atom, const Frame& frame, const Packet& pac
                    : atom.kind == AtomKind::SlabY || atom.kind == AtomKind::Tube ? 2
                                                                                  : 3;
   D rel[3];
-  for (int j = 0; j < 3; ++j) rel[j] = packet.o[j] - all_double(frame.offset[j]);
+  for (int j = 0; j < 3; ++j) rel[j] = packet.o[j] - all<double>(frame.offset[j]);
   double steepest = 0;
   for (int i = first; i < last; ++i) {
     const double* row = frame.row[i];
-    x[i] = all_double(row[0]) * rel[0] + all_double(row[1]) * rel[1] + all_double(row[2]) * rel[2];
-    v[i] = all_double(row[0]) * packet.d[0] + all_double(row[1]) * packet.d[1] + all_double(row[2]) * packet.d[2];
+    x[i] = all<double>(row[0]) * rel[0] + all<double>(row[1]) * rel[1] + all<double>(row[2]) * rel[2];
+    v[i] = all<double>(row[0]) * packet.d[0] + all<double>(row[1]) * packet.d[1] + all<double>(row[2]) * packet.d[2];
     steepest += row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
   }
   // g, its slope along the ray, and what one band changes of it.
-  D g = all_double(0), slope = all_double(0), slack = all_double(0);
-  const D two = all_double(2);
+  D g = all<double>(0), slope = all<double>(0), slack = all<double>(0);
+  const D two = all<double>(2);
   const double per_band = band * __builtin_sqrt(steepest);
   switch (atom.kind) {
     case AtomKind::Ball:
     case AtomKind::Ellipsoid:
     case AtomKind::Tube:
-      g = all_double(-1);
+      g = all<double>(-1);
       for (int i = 0; i < last; ++i) g = g + x[i] * x[i], slope = slope + two * x[i] * v[i];
-      slack = all_double(2 * per_band);
+      slack = all<double>(2 * per_band);
       break;
     case AtomKind::SlabX:
     case AtomKind::SlabY:
     case AtomKind::SlabZ:
-      g = x[first] * x[first] - all_double(1);
+      g = x[first] * x[first] - all<double>(1);
       slope = two * x[first] * v[first];
-      slack = all_double(2 * per_band);
+      slack = all<double>(2 * per_band);
       break;
     case AtomKind::Torus: {
       const double minor = frame.shape[0];
-      const D alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + all_double(1 - minor * minor);
-      g = alpha * alpha - all_double(4) * (x[0] * x[0] + x[1] * x[1]);
-      slope = all_double(4) * (alpha * (x[0] * v[0] + x[1] * v[1] + x[2] * v[2]) - two * (x[0] * v[0] + x[1] * v[1]));
-      slack = all_double(16 * minor * per_band + 0x1p-46);
+      const D alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + all<double>(1 - minor * minor);
+      g = alpha * alpha - all<double>(4) * (x[0] * x[0] + x[1] * x[1]);
+      slope = all<double>(4) * (alpha * (x[0] * v[0] + x[1] * v[1] + x[2] * v[2]) - two * (x[0] * v[0] + x[1] * v[1]));
+      slack = all<double>(16 * minor * per_band + 0x1p-46);
       break;
     }
     case AtomKind::Wall: {
-      const D rho = square_root(x[0] * x[0] + x[1] * x[1]);
-      g = rho - all_double(frame.shape[0]) - all_double(frame.shape[1]) * x[2];
-      slope = (x[0] * v[0] + x[1] * v[1]) / rho - all_double(frame.shape[1]) * v[2];
-      slack = all_double(2 * per_band);
+      const D rho = root(x[0] * x[0] + x[1] * x[1]);
+      g = rho - all<double>(frame.shape[0]) - all<double>(frame.shape[1]) * x[2];
+      slope = (x[0] * v[0] + x[1] * v[1]) / rho - all<double>(frame.shape[1]) * v[2];
+      slack = all<double>(2 * per_band);
       break;
     }
   }
   Mask outside = 0, inside = 0, away = 0;
   for (int i = 0; i < kLanes; ++i) {
-    outside |= static_cast<Mask>(lane(g, i) > lane(slack, i)) << i;
-    inside |= static_cast<Mask>(lane(g, i) < -lane(slack, i)) << i;
-    away |= static_cast<Mask>(lane(slope, i) >= 0) << i;
+    outside |= static_cast<Mask>(g[i] > slack[i]) << i;
+    inside |= static_cast<Mask>(g[i] < -slack[i]) << i;
+    away |= static_cast<Mask>(slope[i] >= 0) << i;
   }
   // A torus may be met again, but not in this cell if its one crossing here is the one behind.
   const Mask once = atom.kind == AtomKind::Torus ? less(lo, all(-1e30f)) : 0xffff;
@@ -426,8 +415,8 @@ class Walker {
     }
     Passage in;
     in.lanes = lanes;
-    D to[3], at = all_double(0);
-    for (int i = 0; i < 3; ++i) to[i] = all_double(cell.centre[i]) - packet_.o[i], at = at + to[i] * packet_.d[i];
+    D to[3], at = all<double>(0);
+    for (int i = 0; i < 3; ++i) to[i] = all<double>(cell.centre[i]) - packet_.o[i], at = at + to[i] * packet_.d[i];
     for (int i = 0; i < 3; ++i) in.p[i] = narrow(at * packet_.d[i] - to[i]), in.d[i] = narrow(packet_.d[i]);
     const F nearest = narrow(at);
     in.enter = enter - nearest;
@@ -512,13 +501,13 @@ class Walker {
       // Only one crossing may lie where the boundary may be.
       const F from = at_boundary - 2.0f * window, to_end = at_boundary + 3.0f * window;
       Mask once = 0, twice = 0;
-      I which = all_int(0);
+      I which = all<std::int32_t>(0);
       for (int i = 0; i < count; ++i) {
         const Mask low = at_most(from, spans.lo[i]) & at_most(spans.lo[i], to_end);
         const Mask high = at_most(from, spans.hi[i]) & at_most(spans.hi[i], to_end);
         twice |= (once & (low | high)) | (low & high);
         once |= low | high;
-        which = select(low | high, all_int(atoms[i].leaf), which);
+        which = select(low | high, all<std::int32_t>(atoms[i].leaf), which);
       }
       unsure |= found & (twice | ~once | grazed);
       const F left = packet_.end - nearest - at_boundary;
@@ -527,10 +516,10 @@ class Walker {
       answer_.hit |= sure;
       limit_ = select(sure, at_boundary + nearest, limit_);
       settled = any ? sure : sure & well_inside(cell, in, at_boundary);
-      const D t = widen(at_boundary, at);
+      const D t = widen(at_boundary) + at;
       for (Mask m = sure; m; m &= m - 1) {
         const int i = first_of(m);
-        answer_.t[i] = lane(t, i);
+        answer_.t[i] = t[i];
         answer_.t_error[i] = 4 * static_cast<double>(cell.window);
         answer_.leaf[i] = which[i];
       }
@@ -548,12 +537,6 @@ class Walker {
       inside &= less(all(cell.lo[axis] + cell.window), x) & less(x, all(cell.hi[axis] - cell.window));
     }
     return inside;
-  }
-
-  static D widen(F a, const D& b) {
-    F8 part[2];
-    std::memcpy(part, &a, sizeof part);
-    return {{__builtin_convertvector(part[0], D8) + b.half[0], __builtin_convertvector(part[1], D8) + b.half[1]}};
   }
 
   const Model& model_;
@@ -581,18 +564,18 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   load(rays, column);
   Packet packet;
   const D dd = column[3] * column[3] + column[4] * column[4] + column[5] * column[5];
-  const D speed = square_root(dd), per_speed = all_double(1) / speed;
-  D along = all_double(0);
-  D distance = all_double(0);
+  const D speed = root(dd), per_speed = all<double>(1) / speed;
+  D along = all<double>(0);
+  D distance = all<double>(0);
   for (int axis = 0; axis < 3; ++axis) {
     distance = distance + column[axis] * column[axis];
     packet.d[axis] = column[3 + axis] * per_speed;
-    packet.o[axis] = (column[axis] - all_double(model.centre[axis])) * all_double(model.per_unit);
+    packet.o[axis] = (column[axis] - all<double>(model.centre[axis])) * all<double>(model.per_unit);
     along = along + packet.o[axis] * packet.d[axis];
   }
   // From where it enters the ball around the world, or where it starts.
-  const D units = speed * all_double(model.per_unit);
-  const D from = column[6] * units, enter = all_double(-model.radius) - along;
+  const D units = speed * all<double>(model.per_unit);
+  const D from = column[6] * units, enter = all<double>(-model.radius) - along;
   const D start = max(from, enter), end = column[7] * units - start;
   const double near = model.near / model.per_unit;
   const Mask valid = less(column[6], column[7]) & ((1u << rays.count) - 1);
@@ -604,7 +587,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   }
   packet.end = narrow(end);
   packet.in_world = ~less(from, enter);
-  packet.far = less(all_double(near * near), distance);
+  packet.far = less(all<double>(near * near), distance);
 
   answer.hit = answer.unsure = 0;
   Walker<any, counting> walker(model, packet, answer, counts);
@@ -625,8 +608,8 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   answer.hit &= ~answer.unsure;
   for (Mask m = answer.hit; m; m &= m - 1) {
     const int i = first_of(m);
-    answer.t[i] = (answer.t[i] + lane(start, i)) / lane(units, i);
-    answer.t_error[i] /= lane(units, i);
+    answer.t[i] = (answer.t[i] + start[i]) / units[i];
+    answer.t_error[i] /= units[i];
   }
 }
 
