@@ -22,6 +22,12 @@ bool is_similarity(const Mat3& m) {
 
 AtomKind slab_of(int axis) { return static_cast<AtomKind>(static_cast<int>(AtomKind::SlabX) + axis); }
 
+/// The height from which a wall is reckoned: its apex, where its radius is rounded as a small number, if that is near.
+double wall_origin(const Frame& frame) {
+  const double radius = frame.shape[0], slope = frame.shape[1];
+  return 4 * std::fabs(slope) > radius ? -radius / slope : 0;
+}
+
 Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
   double per_size[3] = {1, 1, 1};
   Frame frame{};
@@ -64,6 +70,8 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
     frame.shape[0] = per_radius;
   }
   for (int i = 0; i < 2; ++i) frame.narrow_shape[i] = static_cast<float>(frame.shape[i]);
+  if (leaf.kind == Kind::Cone)
+    frame.narrow_shape[0] = static_cast<float>(frame.shape[0] + frame.shape[1] * wall_origin(frame));
   return frame;
 }
 
@@ -251,6 +259,7 @@ class Structure::CellMaker {
     for (int i = 0; i < 3; ++i) {
       double c = 0;
       for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
+      if (kind == AtomKind::Wall && i == 2) c -= wall_origin(frame);
       atom.centre[i] = static_cast<float>(c);
       if (i < first || i >= last) continue;
       // A wall feels an error of z by its slope only.

@@ -60,12 +60,12 @@ inline Mask bits(One one, const Wide<Scalar>& first, const Operand&... operand) 
   return out;
 }
 
-#define LANES_OPERATOR(op)                                                                 \
-  template <class Scalar>                                                                  \
-  inline Wide<Scalar> operator op(const Wide<Scalar>& a, const Wide<Scalar>& b) {          \
-    return each<Scalar>([](auto x, auto y) { return x op y; }, a, b);                      \
-  }                                                                                        \
-  inline F operator op(float a, const F& b) { return all(a) op b; }                        \
+#define LANES_OPERATOR(op)                                                        \
+  template <class Scalar>                                                         \
+  inline Wide<Scalar> operator op(const Wide<Scalar>& a, const Wide<Scalar>& b) { \
+    return each<Scalar>([](auto x, auto y) { return x op y; }, a, b);             \
+  }                                                                               \
+  inline F operator op(float a, const F& b) { return all(a) op b; }               \
   inline F operator op(const F& a, float b) { return a op all(b); }
 LANES_OPERATOR(+)
 LANES_OPERATOR(-)
@@ -169,7 +169,8 @@ inline F narrow(const D& d) {
   using Half = float __attribute__((vector_size(kRegister / 2)));
   F out;
   for (int i = 0; i < F::kParts; ++i) {
-    const Half half[2] = {__builtin_convertvector(d.part[2 * i], Half), __builtin_convertvector(d.part[2 * i + 1], Half)};
+    const Half half[2] = {__builtin_convertvector(d.part[2 * i], Half),
+                          __builtin_convertvector(d.part[2 * i + 1], Half)};
     std::memcpy(&out.part[i], half, sizeof half);
   }
   return out;

@@ -50,7 +50,7 @@ struct Cell {
 struct Frame {
   double row[3][3], offset[3];
   double shape[2];  ///< ball: 1/radius. Wall: radius at the middle, half the difference of the ends. Torus: minor/major
-  float narrow[3][3], narrow_shape[2];
+  float narrow[3][3], narrow_shape[2];  ///< of a wall: its radius at the height 0 of its atoms' frame, and slope
 };
 
 struct Model {

@@ -51,8 +51,10 @@ inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& 
     along += x[i] * v[i];
     vv += v[i] * v[i];
   }
-  vv = max(vv, all(1e-16f));
-  const F inverse = 1.0f / vv, middle = -along * inverse;
+  // A ray along the axis is as far from it everywhere.
+  const Mask parallel = less(vv, all(1e-15f));
+  vv = max(vv, all(1e-15f));
+  const F inverse = 1.0f / vv, middle = select(parallel, F{}, -along * inverse);
   F distance = F{};
   for (int i = 0; i < axes; ++i) {
     const F across = x[i] + middle * v[i];
@@ -128,12 +130,14 @@ inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F
   const F a = v[0] * v[0] + v[1] * v[1] - dw * dw;
   const F b = x[0] * v[0] + x[1] * v[1] - w * dw;
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
-  const float outwards = atom.negative ? -0x1p-21f : 0x1p-21f;
-  const F inside = b * b - a * c + outwards * (b * b + magnitude(a * c)), square = root(max(inside, F{}));
+  // Rounding as a longer way inside for an atom that adds to the solid: between the roots, or outside of them.
+  const Mask steep = less(a, F{}), opens = less(F{}, dw);
+  const F longer = 0x1p-21f * (b * b + magnitude(a * c));
+  const F inside = b * b - a * c + select(atom.negative ? ~steep : steep, -longer, longer);
+  const F square = root(max(inside, F{}));
   const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
   const F first = min(s, t), second = max(s, t);
-  const Mask steep = less(a, F{}), opens = less(F{}, dw);
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
   lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
   hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
