@@ -40,6 +40,9 @@ struct Passage {
 inline F dot3(const F a[3], const F b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline F apply(const float row[3], const F v[3]) { return row[0] * v[0] + row[1] * v[1] + row[2] * v[2]; }
 
+/// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
+inline float touch(const Atom& atom) { return 8 * __builtin_fabsf(atom.size - 1); }
+
 /// A quadric that is the unit circle or sphere in `axes` axes of the frame.
 template <int axes>
 inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& in, F& lo, F& hi) {
@@ -67,7 +70,7 @@ inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& 
   const Mask met = less(F{}, inside);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
-  return less(magnitude(inside) * vv, all(atom.graze * atom.graze));
+  return less(magnitude(inside), max(atom.graze * atom.graze * inverse, all(touch(atom))));
 }
 
 inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& lo, F& hi) {
@@ -85,7 +88,7 @@ inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& 
   const Mask met = less(F{}, inside);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
-  return less(magnitude(inside), all(atom.graze * atom.graze * radius * radius));
+  return less(magnitude(inside), all(__builtin_fmaxf(atom.graze * atom.graze * radius * radius, touch(atom))));
 }
 
 /// |z| ≤ 1 along z + s·v. Grazed where the ray is nearly parallel to the faces and, in the cell, neither
@@ -102,10 +105,10 @@ inline Mask slab(const Atom& atom, F z, F v, const Passage& in, F& lo, F& hi) {
   Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
   if (grazed) [[unlikely]] {
     const F spare = in.exit - in.enter, from = in.enter - spare, to = in.exit + spare;
-    const float larger = atom.negative ? 2 - atom.size : atom.size;
+    const float rounding = __builtin_fabsf(atom.size - 1) + 0x1p-21f;
     F outer_lo, outer_hi, inner_lo, inner_hi;
-    between(larger, outer_lo, outer_hi);
-    between(2 - larger, inner_lo, inner_hi);
+    between(1 + rounding, outer_lo, outer_hi);
+    between(1 - rounding, inner_lo, inner_hi);
     grazed &= at_most(outer_lo, to) & at_most(from, outer_hi) & ~(at_most(inner_lo, from) & at_most(to, inner_hi));
   }
   return grazed;
@@ -141,7 +144,7 @@ inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
   lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
   hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
-  return less(magnitude(inside), all(atom.graze * atom.graze)) | less(magnitude(a), 1e-4f * vv);
+  return less(magnitude(inside), max(all(atom.graze * atom.graze), touch(atom) * vv)) | less(magnitude(a), 1e-4f * vv);
 }
 
 /// Crossings of a torus: where its quartic along the ray changes sign between the ends of the cell.
