@@ -29,6 +29,7 @@ app = typer.Typer(
     csgbench plots
     csgbench accuracy             speed for accuracy, one knob at a time
     csgbench stability            numerical stability at the extremes
+    csgbench micro                kernels, structures and schemes one by one
     csgbench oracle ball --pixel 200,310
     """,
     no_args_is_help=True,
@@ -177,6 +178,7 @@ def tables(
     with _one_line_errors():
         _tables(study, results)
         _accuracy_tables(results)
+        _micro_tables(results)
         _publish(publish, results)
 
 
@@ -290,6 +292,20 @@ def stability(
             raise typer.Exit(1)
 
 
+@app.command()
+def micro(publish: Publish = False, results: Results = RESULTS) -> None:
+    """Time kernels, structures and schemes one by one; `make bench-micro` builds and runs it.
+
+    Tables go to results/tables/micro.md and micro.csv. About five minutes.
+    """
+    with _one_line_errors():
+        from harness import micro as micros
+
+        micros.run(out, results)
+        _micro_tables(results)
+        _publish(publish, results)
+
+
 def _measure(study: str, seed: int, retry: bool, folder: Path) -> bool:
     """Every trial of a study that has no row yet. Whether any failed."""
     from harness import machine, progress, report, trials
@@ -337,6 +353,14 @@ def _accuracy_tables(folder: Path) -> None:
 
     if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
         out.print(f"accuracy: {report.write(settings, folder)}")
+
+
+def _micro_tables(folder: Path) -> None:
+    """Of what `csgbench micro` has measured, if it has."""
+    from harness import micro as micros
+
+    if outcome := micros.load(folder):
+        out.print(f"micro: {micros.write(outcome, folder)}")
 
 
 def _plots(study: str, folder: Path) -> None:
