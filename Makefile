@@ -38,7 +38,7 @@ accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
 
-bench-micro: setup  ## kernels, structures and schemes one by one, by Google Benchmark: five minutes
+bench-micro: setup  ## kernels, structures and schemes one by one, by Google Benchmark: two minutes
 	@./packages.sh bench
 	@export PATH="$(CURDIR)/$(VENV)/bin:$$PATH"; \
 	  cmake -S . -B build/micro -G Ninja -DMICRO=ON -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)" >/dev/null; \

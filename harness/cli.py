@@ -296,7 +296,7 @@ def stability(
 def micro(publish: Publish = False, results: Results = RESULTS) -> None:
     """Time kernels, structures and schemes one by one; `make bench-micro` builds and runs it.
 
-    Tables go to results/tables/micro.md and micro.csv. About five minutes.
+    Tables go to results/tables/micro.md and micro.csv. About two minutes.
     """
     with _one_line_errors():
         from harness import micro as micros
