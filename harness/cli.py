@@ -242,13 +242,13 @@ def accuracy(
     csgbench oracle ngk --pixel 200,310      one ray in exact arithmetic
     """
     with _one_line_errors():
-        from harness.accuracy import report
+        from harness.accuracy import settings
         from harness.report import load_study
         from harness.store import Store
 
-        failed = _measure(report.NAME, seed, False, results)
-        planned, store = load_study(report.NAME), Store(results / STORE)
-        report.measure_missing(out, planned, store)
+        failed = _measure(settings.NAME, seed, False, results)
+        planned, store = load_study(settings.NAME), Store(results / STORE)
+        settings.measure_missing(out, planned, store)
         _accuracy_tables(results)
         _publish(publish, results)
         if failed:
@@ -347,12 +347,12 @@ def _tables(study: str, folder: Path) -> None:
 
 def _accuracy_tables(folder: Path) -> None:
     """And its plots, of what `csgbench accuracy` has measured, if it has."""
-    from harness.accuracy import report
+    from harness.accuracy import report, settings
     from harness.report import load_study
     from harness.store import Store
 
-    if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
-        out.print(f"accuracy: {report.write(settings, folder)}")
+    if measured := settings.load(load_study(settings.NAME), Store(folder / STORE)):
+        out.print(f"accuracy: {report.write(measured, folder)}")
 
 
 def _micro_tables(folder: Path) -> None:
