@@ -223,6 +223,20 @@ def test_bisection_with_intervals_finds_the_same_boundaries() -> None:
     assert undecided <= 0.15 * total  # rays in faces, and starts on surfaces
 
 
+def test_both_ways_take_no_ray_for_a_miss() -> None:
+    solid = Solid()
+    tree = solid.tree(solid.leaf("sphere", [1]))
+    row = ray(-3, 0, 0, 1, 0, 0)
+    rows = np.tile(row, (16, 1))
+    np.fill_diagonal(rows[:8], np.nan)
+    np.fill_diagonal(rows[8:14], np.inf)
+    rows[14, 3] = 0
+    rows[15, 3] = 1e-310  # one, but a hit lies beyond all doubles
+    found = check(tree, rows)
+    assert (found.rays, found.disagreeing) == (16, ())
+    assert found.undecided <= 1
+
+
 # --- The judge ----------------------------------------------------------------------------------
 
 
