@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -49,7 +50,18 @@ Publish = Annotated[
     bool,
     typer.Option("--publish", help="Copy what is written to results/published/ and the README."),
 ]
+Model = Annotated[str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")]
+More = Annotated[list[str] | None, typer.Argument(hidden=True, metavar="name=value")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")]
 Size = Annotated[str, typer.Option(help="Width and height of the picture, in pixels.")]
+
+
+def _command(function: Callable) -> Callable:
+    """Its docstring is its help, wrapped where the terminal ends and not where the source does; a
+    paragraph that begins with \\b keeps its lines."""
+    paragraphs = inspect.cleandoc(function.__doc__).split("\n\n")
+    unwrapped = [p if p.startswith("\b") else p.replace("\n", " ") for p in paragraphs]
+    return app.command(help="\n\n".join(unwrapped))(function)
 
 
 @contextmanager
@@ -67,7 +79,7 @@ def _one_line_errors() -> Iterator[None]:
         raise typer.Exit(130) from None
 
 
-@app.command()
+@_command
 def sweep(
     study: StudyName = "paper",
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
@@ -97,16 +109,12 @@ def sweep(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def trace(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
-    more: Annotated[list[str] | None, typer.Argument(hidden=True, metavar="")] = None,
+    model: Model,
+    more: More = None,
     scheme: Annotated[str, typer.Option(help="See `csgbench schemes`.")] = "hybrid_sdsm",
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")
-    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
@@ -124,11 +132,13 @@ def trace(
     """
     with _one_line_errors():
         from harness import trace as traces
+        from harness.schemes import model_and_settings
 
-        traces.trace(out, model, scheme, [*(settings or []), *(more or [])], size, output)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        traces.trace(out, err, model, scheme, settings, size, output)
 
 
-@app.command()
+@_command
 def schemes() -> None:
     """List the schemes, with the type, default and meaning of their parameters."""
     with _one_line_errors():
@@ -137,7 +147,7 @@ def schemes() -> None:
         out.print(describe(catalogue()))
 
 
-@app.command()
+@_command
 def doctor() -> None:
     """Say what is installed, and try one scheme on the smallest scene. Exit code 1 if it is ill."""
     with _one_line_errors():
@@ -147,7 +157,7 @@ def doctor() -> None:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def reference(
     models: Annotated[list[str] | None, typer.Argument(help="Scenes; all without any.")] = None,
     size: Size = "512x512",
@@ -166,7 +176,7 @@ def reference(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def tables(
     study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS
 ) -> None:
@@ -182,7 +192,7 @@ def tables(
         _publish(publish, results)
 
 
-@app.command()
+@_command
 def plots(study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS) -> None:
     """Draw what has been measured: times over d:h, heat maps, schemes compared, cost pictures.
 
@@ -193,14 +203,17 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
         _publish(publish, results)
 
 
-@app.command()
+@_command
 def oracle(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
+    model: Model,
+    more: More = None,
     pixel: Annotated[
         str | None, typer.Option(help="x,y from the top left; the middle without any.")
     ] = None,
+    scheme: Annotated[
+        str | None, typer.Option(help="Whose answer is judged; every exact scheme's without.")
+    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
 ) -> None:
     """Explain one ray in exact arithmetic: every crossing, the solid between them, and what each
@@ -214,17 +227,21 @@ def oracle(
     \b
     csgbench oracle ball --pixel 200,310
     csgbench oracle part.scad --pixel 10,10 --size 64x64
+    csgbench oracle ngk --scheme sdsm --set d=5 precision=float32
     """
     with _one_line_errors():
         from harness.oracle.explain import explain
+        from harness.schemes import model_and_settings
 
         match = re.fullmatch(r"(\d+),(\d+)", pixel or "0,0")
         if not match:
             raise UserError(f"pixel '{pixel}' is not of the form x,y, such as 200,310")
-        explain(out, model, (int(match[1]), int(match[2])) if pixel else None, size=size)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        at = (int(match[1]), int(match[2])) if pixel else None
+        explain(out, err, model, at, size=size, scheme=scheme, settings=settings)
 
 
-@app.command()
+@_command
 def accuracy(
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
     publish: Publish = False,
@@ -255,7 +272,7 @@ def accuracy(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def stability(
     names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7 povray.")] = None,
     rays: Annotated[
@@ -292,7 +309,7 @@ def stability(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def micro(publish: Publish = False, results: Results = RESULTS) -> None:
     """Time kernels, structures and schemes one by one; `make bench-micro` builds and runs it.
 

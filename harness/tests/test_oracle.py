@@ -346,7 +346,7 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
     path.write_text(f"difference() {{ cube(size = [2, 2, 2], center = true); {A} }}")
     text = StringIO()
     out = Console(file=text, width=200, highlight=False)
-    explain(out, str(path), ray=np.array([-3.0, 0.1, 0.2, 1, 0, 0]))
+    explain(out, out, str(path), ray=np.array([-3.0, 0.1, 0.2, 1, 0, 0]))
     shown = text.getvalue()
     assert "enters the solid at block 0" in shown
     assert "1.9999999999999998 < t < 2.0000000000000004, certified" in shown
@@ -355,4 +355,4 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
         assert (scheme.name in shown) == (scheme.exact and not scheme.needs_mesh)
     assert "flip" not in shown
     with pytest.raises(UserError, match="not in a picture of 8x8"):
-        explain(out, str(path), pixel=(8, 0), size="8x8")
+        explain(out, out, str(path), pixel=(8, 0), size="8x8")
