@@ -220,7 +220,7 @@ def oracle(
     exact scheme answered.
 
     A verdict is "agree"; "excused" where rounding may decide (gap: two crossings closer than the
-    tie band; grazing: the ray within 4 E of tangent; tie, edge, neighbour, start, end: see
+    tie band; grazing: the ray within 4 E of tangent; tie, edge, thin, neighbour, start, end: see
     harness/oracle/judge.py); "flip", a hit instead of a miss or on a wrong boundary; or "wrong
     leaf".
 
