@@ -38,9 +38,8 @@ SEGMENTS = 32  # of the mesh, as in the paper's study
 class Measured:
     """One benchmark: its name in parts, and seconds an item of what `per` says."""
 
-    name: tuple[
-        str, ...
-    ]  # kernel/solid/precision/mix, structure/part/model, scheme/name/model/rays
+    #: kernel/solid/precision/mix, structure/part/model, or scheme/name/model/rays
+    name: tuple[str, ...]
     per: str
     item_s: Estimate
 
@@ -57,9 +56,7 @@ def run(
 ) -> None:
     """Run all, or what `options` of Google Benchmark say, and keep the outcome in `folder`."""
     if not is_built():
-        raise UserError(
-            "the microbenchmarks are not built of these sources; run `make bench-micro`"
-        )
+        raise UserError("microbenchmarks: not built of these sources; run `make bench-micro`")
     with TemporaryDirectory() as inputs, replacing(_record(folder)) as outcome:
         for model in chosen:
             console.print(f"{NAME}: preparing {model}", highlight=False)
