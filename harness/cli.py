@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,6 +35,7 @@ app = typer.Typer(
     csgbench accuracy             speed for accuracy, one knob at a time
     csgbench stability            numerical stability at the extremes
     csgbench scale                growth with the model, to a million halfspaces
+    csgbench micro                kernels, structures and schemes one by one
     csgbench oracle ball --pixel 200,310
     """,
     no_args_is_help=True,
@@ -56,7 +58,18 @@ Publish = Annotated[
     bool,
     typer.Option("--publish", help="Copy what is written to results/published/ and the README."),
 ]
+Model = Annotated[str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")]
+More = Annotated[list[str] | None, typer.Argument(hidden=True, metavar="name=value")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")]
 Size = Annotated[str, typer.Option(help="Width and height of the picture, in pixels.")]
+
+
+def _command(function: Callable) -> Callable:
+    """Its docstring is its help, wrapped where the terminal ends and not where the source does; a
+    paragraph that begins with \\b keeps its lines."""
+    paragraphs = inspect.cleandoc(function.__doc__).split("\n\n")
+    unwrapped = [p if p.startswith("\b") else p.replace("\n", " ") for p in paragraphs]
+    return app.command(help="\n\n".join(unwrapped))(function)
 
 
 @contextmanager
@@ -74,7 +87,7 @@ def _one_line_errors() -> Iterator[None]:
         raise typer.Exit(130) from None
 
 
-@app.command()
+@_command
 def sweep(
     study: StudyName = "paper",
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
@@ -108,16 +121,12 @@ def sweep(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def trace(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
-    more: Annotated[list[str] | None, typer.Argument(hidden=True, metavar="")] = None,
+    model: Model,
+    more: More = None,
     scheme: Annotated[str, typer.Option(help="See `csgbench schemes`.")] = "hybrid_sdsm",
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")
-    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
@@ -135,11 +144,13 @@ def trace(
     """
     with _one_line_errors():
         from harness import trace as traces
+        from harness.schemes import model_and_settings
 
-        traces.trace(out, model, scheme, [*(settings or []), *(more or [])], size, output)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        traces.trace(out, err, model, scheme, settings, size, output)
 
 
-@app.command()
+@_command
 def schemes() -> None:
     """List the schemes, with the type, default and meaning of their parameters."""
     with _one_line_errors():
@@ -148,7 +159,7 @@ def schemes() -> None:
         out.print(describe(catalogue()))
 
 
-@app.command()
+@_command
 def doctor() -> None:
     """Say what is installed, and try one scheme on the smallest scene. Exit code 1 if it is ill."""
     with _one_line_errors():
@@ -158,7 +169,7 @@ def doctor() -> None:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def reference(
     models: Annotated[list[str] | None, typer.Argument(help="Scenes; all without any.")] = None,
     size: Size = "512x512",
@@ -177,7 +188,7 @@ def reference(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def tables(
     study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS
 ) -> None:
@@ -190,12 +201,12 @@ def tables(
         _tables(study, results)
         _accuracy_tables(results)
         _bench(results)
-
         _scale_tables(results)
+        _micro_tables(results)
         _publish(publish, results)
 
 
-@app.command()
+@_command
 def plots(study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS) -> None:
     """Draw what has been measured: times over d:h, heat maps, schemes compared, cost pictures.
 
@@ -206,38 +217,45 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
         _publish(publish, results)
 
 
-@app.command()
+@_command
 def oracle(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
+    model: Model,
+    more: More = None,
     pixel: Annotated[
         str | None, typer.Option(help="x,y from the top left; the middle without any.")
     ] = None,
+    scheme: Annotated[
+        str | None, typer.Option(help="Whose answer is judged; every exact scheme's without.")
+    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
 ) -> None:
     """Explain one ray in exact arithmetic: every crossing, the solid between them, and what each
     exact scheme answered.
 
     A verdict is "agree"; "excused" where rounding may decide (gap: two crossings closer than the
-    tie band; grazing: the ray within 4 E of tangent; tie, edge, neighbour, start, end: see
+    tie band; grazing: the ray within 4 E of tangent; tie, edge, thin, neighbour, start, end: see
     harness/oracle/judge.py); "flip", a hit instead of a miss or on a wrong boundary; or "wrong
     leaf".
 
     \b
     csgbench oracle ball --pixel 200,310
     csgbench oracle part.scad --pixel 10,10 --size 64x64
+    csgbench oracle ngk --scheme sdsm --set d=5 precision=float32
     """
     with _one_line_errors():
         from harness.oracle.explain import explain
+        from harness.schemes import model_and_settings
 
         match = re.fullmatch(r"(\d+),(\d+)", pixel or "0,0")
         if not match:
             raise UserError(f"pixel '{pixel}' is not of the form x,y, such as 200,310")
-        explain(out, model, (int(match[1]), int(match[2])) if pixel else None, size=size)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        at = (int(match[1]), int(match[2])) if pixel else None
+        explain(out, err, model, at, size=size, scheme=scheme, settings=settings)
 
 
-@app.command()
+@_command
 def accuracy(
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
     publish: Publish = False,
@@ -255,20 +273,20 @@ def accuracy(
     csgbench oracle ngk --pixel 200,310      one ray in exact arithmetic
     """
     with _one_line_errors():
-        from harness.accuracy import report
+        from harness.accuracy import settings
         from harness.report import load_study
         from harness.store import Store
 
-        failed = _measure(report.NAME, seed, False, results)
-        planned, store = load_study(report.NAME), Store(results / STORE)
-        report.measure_missing(out, planned, store)
+        failed = _measure(settings.NAME, seed, False, results)
+        planned, store = load_study(settings.NAME), Store(results / STORE)
+        settings.measure_missing(out, planned, store)
         _accuracy_tables(results)
         _publish(publish, results)
         if failed:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def stability(
     names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7 povray.")] = None,
     rays: Annotated[
@@ -305,7 +323,7 @@ def stability(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def scale(
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
     publish: Publish = False,
@@ -335,6 +353,20 @@ def scale(
             _measure_all(plan.NAME, configurations, seed, False, results)
         lazy.measure_missing(results, told)
         _scale_tables(results)
+        _publish(publish, results)
+
+
+@_command
+def micro(publish: Publish = False, results: Results = RESULTS) -> None:
+    """Time kernels, structures and schemes one by one; `make bench-micro` builds and runs it.
+
+    Tables go to results/tables/micro.md and micro.csv. About two minutes.
+    """
+    with _one_line_errors():
+        from harness import micro as micros
+
+        micros.run(out, results)
+        _micro_tables(results)
         _publish(publish, results)
 
 
@@ -387,12 +419,20 @@ def _tables(study: str, folder: Path) -> None:
 
 def _accuracy_tables(folder: Path) -> None:
     """And its plots, of what `csgbench accuracy` has measured, if it has."""
-    from harness.accuracy import report
+    from harness.accuracy import report, settings
     from harness.report import load_study
     from harness.store import Store
 
-    if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
-        out.print(f"accuracy: {report.write(settings, folder)}")
+    if measured := settings.load(load_study(settings.NAME), Store(folder / STORE)):
+        out.print(f"accuracy: {report.write(measured, folder)}")
+
+
+def _micro_tables(folder: Path) -> None:
+    """Of what `csgbench micro` has measured, if it has."""
+    from harness import micro as micros
+
+    if outcome := micros.load(folder):
+        out.print(f"micro: {micros.write(outcome, folder)}")
 
 
 def _bench(folder: Path, measure_errors: bool = False) -> None:

@@ -13,6 +13,7 @@ EXPLAINED = {
     ("structures/embree.hpp", "0x1p-19"): "of the world's size: Embree computes in float",
     ("primitives/torus.hpp", "0x1p-16"): "of Newton's step: when the next one is exact to rounding",
     ("primitives/torus.hpp", "0.0133598"): "a coefficient of a polynomial that fits a cosine",
+    ("bench/kernels.cpp", "0x1p-20"): "of the radius: how near the benchmark's lines graze",
 }
 
 
