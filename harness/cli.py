@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from harness import PUBLISHED, RESULTS, ROOT, STORE, UserError
+from harness import RESULTS, STORE, UserError, outputs
+from harness.outputs import err, out
 
 if TYPE_CHECKING:
     from harness.study import Configuration
@@ -42,8 +42,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-out = Console(soft_wrap=True, highlight=False)
-err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 StudyName = Annotated[
     str,
@@ -113,10 +111,10 @@ def sweep(
         if not bare:
             _check(results, load_study(study).pictures, missing_only=True)
             if study == "bench":
-                _bench(results, measure_errors=True)
+                outputs.bench(results, measure_errors=True)
             else:
-                _tables(study, results)
-                _plots(study, results)
+                outputs.tables(study, results)
+                outputs.plots(study, results)
         if failed:
             raise typer.Exit(1)
 
@@ -198,12 +196,12 @@ def tables(
     picture that is wrong, or failed against POV-Ray, is left out and named in red.
     """
     with _one_line_errors():
-        _tables(study, results)
-        _accuracy_tables(results)
-        _bench(results)
-        _scale_tables(results)
-        _micro_tables(results)
-        _publish(publish, results)
+        outputs.tables(study, results)
+        outputs.accuracy(results)
+        outputs.bench(results)
+        outputs.scale(results)
+        outputs.micro(results)
+        outputs.publish(publish, results)
 
 
 @_command
@@ -213,8 +211,8 @@ def plots(study: StudyName = "paper", publish: Publish = False, results: Results
     SVG and PNG go to results/plots/.
     """
     with _one_line_errors():
-        _plots(study, results)
-        _publish(publish, results)
+        outputs.plots(study, results)
+        outputs.publish(publish, results)
 
 
 @_command
@@ -280,8 +278,8 @@ def accuracy(
         failed = _measure(settings.NAME, seed, False, results)
         planned, store = load_study(settings.NAME), Store(results / STORE)
         settings.measure_missing(out, planned, store)
-        _accuracy_tables(results)
-        _publish(publish, results)
+        outputs.accuracy(results)
+        outputs.publish(publish, results)
         if failed:
             raise typer.Exit(1)
 
@@ -318,7 +316,7 @@ def stability(
         out.print(f"stability: {report.write(outcome, results)}")
         for line in outcome.red:
             err.print(f"red: {line}", style="red", markup=False)
-        _publish(publish, results)
+        outputs.publish(publish, results)
         if outcome.red:
             raise typer.Exit(1)
 
@@ -335,8 +333,8 @@ def scale(
     Every scheme is measured on both families, ball and ngk, at each size for as long as it
     finishes: one that took too long or ran out of memory is not tried on a larger model, and the
     tables say why. Models are made by `python -m generators` the first time, which takes some
-    minutes; then about half an hour on two cores. It can be stopped at any moment; the same command
-    goes on from there.
+    minutes; then about a quarter of an hour on two cores. It can be stopped at any moment; the same
+    command goes on from there.
 
     \b
     csgbench scale
@@ -352,8 +350,8 @@ def scale(
             configurations = plan.step(step, Store(results / STORE))
             _measure_all(plan.NAME, configurations, seed, False, results)
         lazy.measure_missing(results, told)
-        _scale_tables(results)
-        _publish(publish, results)
+        outputs.scale(results)
+        outputs.publish(publish, results)
 
 
 @_command
@@ -366,8 +364,8 @@ def micro(publish: Publish = False, results: Results = RESULTS) -> None:
         from harness import micro as micros
 
         micros.run(out, results)
-        _micro_tables(results)
-        _publish(publish, results)
+        outputs.micro(results)
+        outputs.publish(publish, results)
 
 
 def _measure(study: str, seed: int, retry: bool, folder: Path) -> bool:
@@ -403,76 +401,6 @@ def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) 
     from harness.store import Store
 
     return check(out, Store(folder / STORE), pictures, **options)
-
-
-def _tables(study: str, folder: Path) -> None:
-    from harness import report
-
-    paper, grid, target = report.load(study, folder)
-    out.print(f"tables: {report.write_tables(paper, grid, target)}")
-    for line in paper.refusals() + grid.refusals():
-        err.print(f"not tabled: {line}", style="red", markup=False)
-    for model in paper.unchecked:
-        line = f"{model}: not compared with POV-Ray yet; run `csgbench reference`"
-        err.print(line, style="yellow", markup=False)
-
-
-def _accuracy_tables(folder: Path) -> None:
-    """And its plots, of what `csgbench accuracy` has measured, if it has."""
-    from harness.accuracy import report, settings
-    from harness.report import load_study
-    from harness.store import Store
-
-    if measured := settings.load(load_study(settings.NAME), Store(folder / STORE)):
-        out.print(f"accuracy: {report.write(measured, folder)}")
-
-
-def _micro_tables(folder: Path) -> None:
-    """Of what `csgbench micro` has measured, if it has."""
-    from harness import micro as micros
-
-    if outcome := micros.load(folder):
-        out.print(f"micro: {micros.write(outcome, folder)}")
-
-
-def _bench(folder: Path, measure_errors: bool = False) -> None:
-    """Tables and plot of what `csgbench sweep bench` has measured, if it has."""
-    from harness.bench import errors, report
-    from harness.report import load_study
-    from harness.store import Store
-
-    planned, store = load_study(report.NAME), Store(folder / STORE)
-    if measure_errors:
-        errors.measure_missing(out, planned, store)
-    if (bench := report.load(planned, store)).entries:
-        out.print(f"bench: {report.write(bench, folder)}")
-    for line in bench.results.refusals():
-        err.print(f"not tabled: {line}", style="red", markup=False)
-
-def _scale_tables(folder: Path) -> None:
-    """And its plots, of what `csgbench scale` has measured, if it has."""
-    from harness import results
-    from harness.scale import lazy, plan, report
-    from harness.store import Store
-
-    grown = results.load(Store(folder / STORE), plan.study())
-    if grown.tabled:
-        out.print(f"scale: {report.write(grown, lazy.load(folder), folder)}")
-
-
-def _plots(study: str, folder: Path) -> None:
-    from harness import report
-
-    out.print(f"plots: {report.write_plots(*report.load(study, folder))}")
-
-
-def _publish(wanted: bool, folder: Path) -> None:
-    from harness import readme, report
-
-    if wanted:
-        report.publish(folder, PUBLISHED)
-        readme.refresh(ROOT / "README.md", PUBLISHED / "tables")
-        out.print(f"published: {PUBLISHED}")
 
 
 def main() -> None:

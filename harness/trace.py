@@ -71,7 +71,8 @@ def trace(
 
 
 def load(err: Console, model: str) -> tuple[tracers.CsgTree, Scene]:
-    """A scene or ball@100000 by its name, or any .scad or .csg; the loader's warnings are passed on."""
+    """A scene or a generated model by its name, or any .scad or .csg; the loader's warnings are
+    passed on."""
     if model in load_scenes() or "@" in model:
         tree, scene = models.tree(model), models.scene(model)
     else:
