@@ -21,7 +21,7 @@ setup: $(VENV)/.built  ## install packages, make .venv, build
 sweep: setup  ## run a study (STUDY=paper or grid), then its tables and plots
 	@$(BENCH) sweep $(STUDY)
 
-bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: an hour
+bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: a quarter of an hour
 	@$(BENCH) sweep bench
 
 test: setup  ## the tests, conformance of all schemes included
@@ -41,7 +41,7 @@ accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
 
-scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: half an hour
+scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: a quarter of an hour
 	@$(BENCH) scale
 
 bench-micro: setup  ## kernels, structures and schemes one by one, by Google Benchmark: two minutes
