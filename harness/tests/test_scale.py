@@ -88,7 +88,7 @@ def test_threads_that_enter_the_same_cells_at_once(trees):
         assert (tracer.facts, tracer.bytes) == (once.facts, once.bytes)
 
 
-@pytest.mark.parametrize("scheme", ["sdsm", "hybrid_sdsm", "embree_cells"])
+@pytest.mark.parametrize("scheme", ["sdsm", "hybrid_sdsm", "packet_sdsm", "embree_cells"])
 def test_the_octree_does_not_depend_on_the_threads_that_built_it(scheme, trees):
     tree = trees["ngk"]
     rays = np.asarray(models.frame(tree).view(32, 32).primary_rays())
