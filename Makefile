@@ -9,9 +9,9 @@ RAYS ?= 1000000
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 BENCH := $(VENV)/bin/csgbench
-SOURCES := $(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def) CMakeLists.txt pyproject.toml
+SOURCES := $(filter-out tracers/bench/%,$(wildcard tracers/*.?pp tracers/*/*.?pp tracers/schemes/schemes.def)) CMakeLists.txt pyproject.toml
 
-.PHONY: help setup sweep bench test check conformance accuracy stability scale reference report publish paper lock format clean
+.PHONY: help setup sweep bench test check conformance accuracy stability scale bench-micro reference report publish paper lock format clean
 
 help:  ## list the commands
 	@grep -hE '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -21,7 +21,7 @@ setup: $(VENV)/.built  ## install packages, make .venv, build
 sweep: setup  ## run a study (STUDY=paper or grid), then its tables and plots
 	@$(BENCH) sweep $(STUDY)
 
-bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: an hour
+bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: a quarter of an hour
 	@$(BENCH) sweep bench
 
 test: setup  ## the tests, conformance of all schemes included
@@ -41,8 +41,15 @@ accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
 
-scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: half an hour
+scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: a quarter of an hour
 	@$(BENCH) scale
+
+bench-micro: setup  ## kernels, structures and schemes one by one, by Google Benchmark: two minutes
+	@./packages.sh bench
+	@export PATH="$(CURDIR)/$(VENV)/bin:$$PATH"; \
+	  cmake -S . -B build/micro -G Ninja -DMICRO=ON -DPython_EXECUTABLE="$(CURDIR)/$(PYTHON)" >/dev/null; \
+	  cmake --build build/micro --target micro -- --quiet; touch build/micro/micro
+	@$(BENCH) micro
 
 reference: setup  ## render POV-Ray's pictures and compare ours with them
 	@$(BENCH) reference

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from harness import PUBLISHED, RESULTS, ROOT, STORE, UserError
+from harness import RESULTS, STORE, UserError, outputs
+from harness.outputs import err, out
 
 if TYPE_CHECKING:
     from harness.study import Configuration
@@ -34,14 +35,13 @@ app = typer.Typer(
     csgbench accuracy             speed for accuracy, one knob at a time
     csgbench stability            numerical stability at the extremes
     csgbench scale                growth with the model, to a million halfspaces
+    csgbench micro                kernels, structures and schemes one by one
     csgbench oracle ball --pixel 200,310
     """,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-out = Console(soft_wrap=True, highlight=False)
-err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 StudyName = Annotated[
     str,
@@ -56,7 +56,18 @@ Publish = Annotated[
     bool,
     typer.Option("--publish", help="Copy what is written to results/published/ and the README."),
 ]
+Model = Annotated[str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")]
+More = Annotated[list[str] | None, typer.Argument(hidden=True, metavar="name=value")]
+Settings = Annotated[list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")]
 Size = Annotated[str, typer.Option(help="Width and height of the picture, in pixels.")]
+
+
+def _command(function: Callable) -> Callable:
+    """Its docstring is its help, wrapped where the terminal ends and not where the source does; a
+    paragraph that begins with \\b keeps its lines."""
+    paragraphs = inspect.cleandoc(function.__doc__).split("\n\n")
+    unwrapped = [p if p.startswith("\b") else p.replace("\n", " ") for p in paragraphs]
+    return app.command(help="\n\n".join(unwrapped))(function)
 
 
 @contextmanager
@@ -74,7 +85,7 @@ def _one_line_errors() -> Iterator[None]:
         raise typer.Exit(130) from None
 
 
-@app.command()
+@_command
 def sweep(
     study: StudyName = "paper",
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
@@ -100,24 +111,20 @@ def sweep(
         if not bare:
             _check(results, load_study(study).pictures, missing_only=True)
             if study == "bench":
-                _bench(results, measure_errors=True)
+                outputs.bench(results, measure_errors=True)
             else:
-                _tables(study, results)
-                _plots(study, results)
+                outputs.tables(study, results)
+                outputs.plots(study, results)
         if failed:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def trace(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
-    more: Annotated[list[str] | None, typer.Argument(hidden=True, metavar="")] = None,
+    model: Model,
+    more: More = None,
     scheme: Annotated[str, typer.Option(help="See `csgbench schemes`.")] = "hybrid_sdsm",
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameters: --set d=5 h=10.")
-    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
@@ -135,11 +142,13 @@ def trace(
     """
     with _one_line_errors():
         from harness import trace as traces
+        from harness.schemes import model_and_settings
 
-        traces.trace(out, model, scheme, [*(settings or []), *(more or [])], size, output)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        traces.trace(out, err, model, scheme, settings, size, output)
 
 
-@app.command()
+@_command
 def schemes() -> None:
     """List the schemes, with the type, default and meaning of their parameters."""
     with _one_line_errors():
@@ -148,7 +157,7 @@ def schemes() -> None:
         out.print(describe(catalogue()))
 
 
-@app.command()
+@_command
 def doctor() -> None:
     """Say what is installed, and try one scheme on the smallest scene. Exit code 1 if it is ill."""
     with _one_line_errors():
@@ -158,7 +167,7 @@ def doctor() -> None:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def reference(
     models: Annotated[list[str] | None, typer.Argument(help="Scenes; all without any.")] = None,
     size: Size = "512x512",
@@ -177,7 +186,7 @@ def reference(
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def tables(
     study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS
 ) -> None:
@@ -187,57 +196,64 @@ def tables(
     picture that is wrong, or failed against POV-Ray, is left out and named in red.
     """
     with _one_line_errors():
-        _tables(study, results)
-        _accuracy_tables(results)
-        _bench(results)
+        outputs.tables(study, results)
+        outputs.accuracy(results)
+        outputs.bench(results)
+        outputs.scale(results)
+        outputs.micro(results)
+        outputs.publish(publish, results)
 
-        _scale_tables(results)
-        _publish(publish, results)
 
-
-@app.command()
+@_command
 def plots(study: StudyName = "paper", publish: Publish = False, results: Results = RESULTS) -> None:
     """Draw what has been measured: times over d:h, heat maps, schemes compared, cost pictures.
 
     SVG and PNG go to results/plots/.
     """
     with _one_line_errors():
-        _plots(study, results)
-        _publish(publish, results)
+        outputs.plots(study, results)
+        outputs.publish(publish, results)
 
 
-@app.command()
+@_command
 def oracle(
-    model: Annotated[
-        str, typer.Argument(help="A scene name, or the path of a .scad or .csg file.")
-    ],
+    model: Model,
+    more: More = None,
     pixel: Annotated[
         str | None, typer.Option(help="x,y from the top left; the middle without any.")
     ] = None,
+    scheme: Annotated[
+        str | None, typer.Option(help="Whose answer is judged; every exact scheme's without.")
+    ] = None,
+    settings: Settings = None,
     size: Size = "512x512",
 ) -> None:
     """Explain one ray in exact arithmetic: every crossing, the solid between them, and what each
     exact scheme answered.
 
     A verdict is "agree"; "excused" where rounding may decide (gap: two crossings closer than the
-    tie band; grazing: the ray within 4 E of tangent; tie, edge, neighbour, start, end: see
+    tie band; grazing: the ray within 4 E of tangent; tie, edge, thin, neighbour, start, end: see
     harness/oracle/judge.py); "flip", a hit instead of a miss or on a wrong boundary; or "wrong
     leaf".
 
     \b
     csgbench oracle ball --pixel 200,310
     csgbench oracle part.scad --pixel 10,10 --size 64x64
+    csgbench oracle ngk --scheme sdsm --set d=5 precision=float32
     """
     with _one_line_errors():
         from harness.oracle.explain import explain
+        from harness.schemes import model_and_settings
 
         match = re.fullmatch(r"(\d+),(\d+)", pixel or "0,0")
         if not match:
             raise UserError(f"pixel '{pixel}' is not of the form x,y, such as 200,310")
-        explain(out, model, (int(match[1]), int(match[2])) if pixel else None, size=size)
+        model, settings = model_and_settings([model, *(more or [])], settings or [])
+        at = (int(match[1]), int(match[2])) if pixel else None
+        explain(out, err, model, at, size=size, scheme=scheme, settings=settings)
 
 
-@app.command()
+@_command
 def accuracy(
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
     publish: Publish = False,
@@ -255,20 +271,20 @@ def accuracy(
     csgbench oracle ngk --pixel 200,310      one ray in exact arithmetic
     """
     with _one_line_errors():
-        from harness.accuracy import report
+        from harness.accuracy import settings
         from harness.report import load_study
         from harness.store import Store
 
-        failed = _measure(report.NAME, seed, False, results)
-        planned, store = load_study(report.NAME), Store(results / STORE)
-        report.measure_missing(out, planned, store)
-        _accuracy_tables(results)
-        _publish(publish, results)
+        failed = _measure(settings.NAME, seed, False, results)
+        planned, store = load_study(settings.NAME), Store(results / STORE)
+        settings.measure_missing(out, planned, store)
+        outputs.accuracy(results)
+        outputs.publish(publish, results)
         if failed:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def stability(
     names: Annotated[list[str] | None, typer.Argument(help="Rows: X1 X7 povray.")] = None,
     rays: Annotated[
@@ -300,12 +316,12 @@ def stability(
         out.print(f"stability: {report.write(outcome, results)}")
         for line in outcome.red:
             err.print(f"red: {line}", style="red", markup=False)
-        _publish(publish, results)
+        outputs.publish(publish, results)
         if outcome.red:
             raise typer.Exit(1)
 
 
-@app.command()
+@_command
 def scale(
     seed: Annotated[int, typer.Option(help="Of the random order of the trials.")] = 0,
     publish: Publish = False,
@@ -317,8 +333,8 @@ def scale(
     Every scheme is measured on both families, ball and ngk, at each size for as long as it
     finishes: one that took too long or ran out of memory is not tried on a larger model, and the
     tables say why. Models are made by `python -m generators` the first time, which takes some
-    minutes; then about half an hour on two cores. It can be stopped at any moment; the same command
-    goes on from there.
+    minutes; then about a quarter of an hour on two cores. It can be stopped at any moment; the same
+    command goes on from there.
 
     \b
     csgbench scale
@@ -334,8 +350,22 @@ def scale(
             configurations = plan.step(step, Store(results / STORE))
             _measure_all(plan.NAME, configurations, seed, False, results)
         lazy.measure_missing(results, told)
-        _scale_tables(results)
-        _publish(publish, results)
+        outputs.scale(results)
+        outputs.publish(publish, results)
+
+
+@_command
+def micro(publish: Publish = False, results: Results = RESULTS) -> None:
+    """Time kernels, structures and schemes one by one; `make bench-micro` builds and runs it.
+
+    Tables go to results/tables/micro.md and micro.csv. About two minutes.
+    """
+    with _one_line_errors():
+        from harness import micro as micros
+
+        micros.run(out, results)
+        outputs.micro(results)
+        outputs.publish(publish, results)
 
 
 def _measure(study: str, seed: int, retry: bool, folder: Path) -> bool:
@@ -371,68 +401,6 @@ def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) 
     from harness.store import Store
 
     return check(out, Store(folder / STORE), pictures, **options)
-
-
-def _tables(study: str, folder: Path) -> None:
-    from harness import report
-
-    paper, grid, target = report.load(study, folder)
-    out.print(f"tables: {report.write_tables(paper, grid, target)}")
-    for line in paper.refusals() + grid.refusals():
-        err.print(f"not tabled: {line}", style="red", markup=False)
-    for model in paper.unchecked:
-        line = f"{model}: not compared with POV-Ray yet; run `csgbench reference`"
-        err.print(line, style="yellow", markup=False)
-
-
-def _accuracy_tables(folder: Path) -> None:
-    """And its plots, of what `csgbench accuracy` has measured, if it has."""
-    from harness.accuracy import report
-    from harness.report import load_study
-    from harness.store import Store
-
-    if settings := report.load(load_study(report.NAME), Store(folder / STORE)):
-        out.print(f"accuracy: {report.write(settings, folder)}")
-
-
-def _bench(folder: Path, measure_errors: bool = False) -> None:
-    """Tables and plot of what `csgbench sweep bench` has measured, if it has."""
-    from harness.bench import errors, report
-    from harness.report import load_study
-    from harness.store import Store
-
-    planned, store = load_study(report.NAME), Store(folder / STORE)
-    if measure_errors:
-        errors.measure_missing(out, planned, store)
-    if (bench := report.load(planned, store)).entries:
-        out.print(f"bench: {report.write(bench, folder)}")
-    for line in bench.results.refusals():
-        err.print(f"not tabled: {line}", style="red", markup=False)
-
-def _scale_tables(folder: Path) -> None:
-    """And its plots, of what `csgbench scale` has measured, if it has."""
-    from harness import results
-    from harness.scale import lazy, plan, report
-    from harness.store import Store
-
-    grown = results.load(Store(folder / STORE), plan.study())
-    if grown.tabled:
-        out.print(f"scale: {report.write(grown, lazy.load(folder), folder)}")
-
-
-def _plots(study: str, folder: Path) -> None:
-    from harness import report
-
-    out.print(f"plots: {report.write_plots(*report.load(study, folder))}")
-
-
-def _publish(wanted: bool, folder: Path) -> None:
-    from harness import readme, report
-
-    if wanted:
-        report.publish(folder, PUBLISHED)
-        readme.refresh(ROOT / "README.md", PUBLISHED / "tables")
-        out.print(f"published: {PUBLISHED}")
 
 
 def main() -> None:

@@ -121,7 +121,10 @@ def _complaint(scad: Path, finished: subprocess.CompletedProcess[str]) -> str:
         more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
         if placed := re.fullmatch(r"(.*?),? in file (.+), line (\d+)", complaints[0]):
             message, file, line = placed.groups()
-            return f"{scad.parent / file}:{line}: {message}{more}"
+            # The parser names files from the current folder, all else from that of the .scad.
+            place = Path(file) if message.startswith("Parser error") else scad.parent / file
+            place = scad if place.resolve() == scad.resolve() else place
+            return f"{place}:{line}: {message}{more}"
         return f"{scad}: {complaints[0]}{more}"
     if finished.returncode < 0:
         return f"{scad}: OpenSCAD was ended by signal {-finished.returncode}"

@@ -114,7 +114,10 @@ def _values(tables: list[Table]) -> str:
 def publish(folder: Path, target: Path) -> None:
     """Copy what a reader of the repository sees, of all studies: all but the LaTeX."""
     patterns = ("*.md", "*trials.csv", "tables/*.md", "tables/*.csv", "plots/*", "reference/*")
-    for source in (folder, *(folder / name for name in ("accuracy", "bench", "stability", "scale"))):
+    for source in (
+        folder,
+        *(folder / name for name in ("accuracy", "bench", "stability", "scale")),
+    ):
         _copy((file for pattern in patterns for file in source.glob(pattern)), source, target)
 
 

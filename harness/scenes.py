@@ -64,7 +64,7 @@ def frame(tree: tracers.CsgTree, model: Path = Path()) -> Scene:
     """A scene for any model: all of it, from the front, the right and above, in 512×512."""
     low, high = np.asarray(tree.bounds)
     if not (np.all(np.isfinite([low, high])) and np.all(low <= high) and np.any(low < high)):
-        raise UserError("there is nothing to see: the solid is empty or has no size")
+        raise UserError(f"{model}: the solid is empty or has no size: there is nothing to see")
     centre, radius = (low + high) / 2, np.linalg.norm(high - low) / 2
     fov_deg = 25.0
 

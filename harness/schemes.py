@@ -65,6 +65,14 @@ def is_exact(scheme: str, params: Params) -> bool:
     return scheme not in PEERS and catalogue()[scheme].exact and not turned
 
 
+def model_and_settings(words: list[str], settings: list[str]) -> tuple[str, list[str]]:
+    """The model among the words of a command line, and all settings: of `--set d=6 h=7 ball` only
+    d=6 comes as one."""
+    model = next((word for word in words if "=" not in word), words[0])
+    at = words.index(model)
+    return model, [*settings, *words[:at], *words[at + 1 :]]
+
+
 def parse_settings(scheme: str, settings: list[str]) -> Params:
     """`["d=5", "h=10"]`, as typed on a command line, to parameters of the scheme."""
     import tracers
@@ -76,6 +84,8 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
         name, equals, text = setting.partition("=")
         if not equals:
             raise UserError(f"'{setting}' is not of the form name=value, such as d=5")
+        if name in given:
+            raise UserError(f"parameter '{name}' is set twice")
         is_number = name not in words and re.fullmatch(r"[+-]?[0-9]+", text)
         given[name] = int(text) if is_number else text
     return complete(scheme, given)

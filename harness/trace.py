@@ -8,9 +8,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+import tracers
 from harness import UserError, models
 from harness.images import write_picture
-from harness.scenes import load_scenes
+from harness.scenes import Scene, load_scenes
 from harness.schemes import is_exact, parse_settings
 from harness.table import NOTHING, integer, megabytes, milliseconds, number
 
@@ -18,25 +19,22 @@ MAX_PIXELS = 1 << 26
 
 
 def trace(
-    console: Console,
+    out: Console,
+    err: Console,
     model: str,
     scheme: str,
     settings: list[str],
     size: str,
     output: Path | None,
 ) -> None:
-    """Trace, write `output` if it is asked for, and print times, memory and counters."""
+    """Trace, write `output` if it is asked for, and print times, memory and counters; what should
+    be known of the model goes to `err`."""
     params = parse_settings(scheme, settings)
     width, height = parse_size(size)
     if output and output.suffix.lower() not in (".png", ".exr"):
         raise UserError(f"{output}: a picture is written as .png or .exr")
 
-    if model in load_scenes() or "@" in model:
-        tree, scene = models.tree(model), models.scene(model)
-    else:
-        tree, scene = models.from_file(Path(model))
-    for warning in tree.warnings:
-        console.print(f"warning: {warning}", style="yellow", markup=False)
+    tree, scene = load(err, model)
     try:
         tracer, mesh = models.build(scheme, tree, params)
     except ValueError as error:
@@ -45,10 +43,11 @@ def trace(
     picture = tracer.render(view)
     counted = tracer.render(view, count=True, cost=True)
     if undivided := tracer.facts.get("cells_over_budget"):
-        line = f"warning: the memory budget was spent, {integer(undivided)} cells stay undivided"
-        console.print(line, style="yellow", markup=False)
+        _warn(err, f"the memory budget was spent, {integer(undivided)} cells stay undivided")
     if output:
         write_picture(output, counted)
+    if (picture.leaf < 0).all():
+        _warn(err, f"{model}: no ray hits anything: the solid is empty, or smaller than a pixel")
 
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("model", f"{model}: {tree.halfspaces:,} halfspaces, {tree.nodes:,} nodes")
@@ -68,7 +67,23 @@ def trace(
         shown = integer(value) if value.is_integer() else number(value)
         table.add_row(name.replace("_", " "), shown)
     table.add_row("picture", f"{picture.hash}{f', written to {output}' if output else ''}")
-    console.print(table)
+    out.print(table)
+
+
+def load(err: Console, model: str) -> tuple[tracers.CsgTree, Scene]:
+    """A scene or a generated model by its name, or any .scad or .csg; the loader's warnings are
+    passed on."""
+    if model in load_scenes() or "@" in model:
+        tree, scene = models.tree(model), models.scene(model)
+    else:
+        tree, scene = models.from_file(Path(model))
+    for warning in tree.warnings:
+        _warn(err, warning)
+    return tree, scene
+
+
+def _warn(err: Console, text: str) -> None:
+    err.print(f"warning: {text}", style="yellow", markup=False)
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -142,6 +142,27 @@ std::vector<csg::Ray> rays_of(const RayRows& rows) {
   return rays;
 }
 
+/// A ray's line with a direction near 1, by a power of two, as Tracer::trace() prepares it; t is 2^exponent times its
+/// t.
+struct ScaledLine {
+  csg::Ray ray;
+  int exponent = 0;
+};
+
+/// Nothing where trace() finds no ray.
+std::optional<ScaledLine> scaled_line(csg::Ray ray) {
+  const double largest = std::max({std::fabs(ray.dir.x), std::fabs(ray.dir.y), std::fabs(ray.dir.z)});
+  for (int axis = 0; axis < 3; ++axis)
+    if (!std::isfinite(ray.origin[axis]) || !std::isfinite(ray.dir[axis])) return {};
+  if (largest == 0 || std::isnan(ray.t_min) || std::isnan(ray.t_max)) return {};
+  const int exponent = -std::ilogb(largest);
+  for (int axis = 0; axis < 3; ++axis) {
+    ray.dir[axis] = std::ldexp(ray.dir[axis], exponent);
+    if (std::fabs(ray.dir[axis]) < csg::kParallel) ray.dir[axis] = 0;
+  }
+  return ScaledLine{ray, exponent};
+}
+
 Hits trace(const BuiltTracer& built, const RayRows& rows, bool count) {
   const std::vector<csg::Ray> rays = rays_of(rows);
   Hits out{std::vector<csg::Hit>(rays.size()), 0, {}};
@@ -468,15 +489,19 @@ NB_MODULE(tracers, m) {
          std::size_t leaf) {
         if (leaf >= tree.leaves().size()) throw std::invalid_argument("crossings: no such leaf");
         const CsgTree model = tree.computed(csg::Params(csg::scheme("naive"), numerics).numerics());
-        const std::vector<csg::Ray> rays = rays_of(rows);
-        std::vector<csg::Crossings> found(rays.size());
+        std::vector<std::optional<ScaledLine>> lines;
+        for (const csg::Ray& ray : rays_of(rows)) lines.push_back(scaled_line(ray));
+        std::vector<csg::Crossings> found(lines.size());
         const Stopwatch watch;
-        for (std::size_t i = 0; i < rays.size(); ++i) found[i] = csg::crossings(model.leaves()[leaf], rays[i]);
+        for (std::size_t i = 0; i < lines.size(); ++i)
+          if (lines[i]) found[i] = csg::crossings(model.leaves()[leaf], lines[i]->ray);
         const double seconds = watch.seconds();
-        nb::object count = array<std::int32_t>({rays.size()}, [&](std::int32_t* out) {
+        for (std::size_t i = 0; i < lines.size(); ++i)
+          for (int k = 0; k < found[i].count; ++k) found[i].t[k] = std::ldexp(found[i].t[k], lines[i]->exponent);
+        nb::object count = array<std::int32_t>({found.size()}, [&](std::int32_t* out) {
           for (const csg::Crossings& c : found) *out++ = c.count;
         });
-        nb::object t = array<double>({rays.size(), 4}, [&](double* out) {
+        nb::object t = array<double>({found.size(), 4}, [&](double* out) {
           for (const csg::Crossings& c : found)
             for (int i = 0; i < 4; ++i) *out++ = i < c.count ? c.t[i] : std::numeric_limits<double>::infinity();
         });
@@ -484,7 +509,7 @@ NB_MODULE(tracers, m) {
       },
       "tree"_a, "rays"_a.noconvert(), "numerics"_a = std::map<std::string, csg::ParamValue>{}, "leaf"_a = 0,
       "One kernel on whole lines: counts (N,) int32, t (N, 4) float64 ascending, +inf where there is none, and the "
-      "seconds that it took.");
+      "seconds that it took. What trace() takes for no ray has none; a t that no double can hold is infinite.");
   m.def(
       "distance_bounds",
       [](const CsgTree& tree, const Doubles3& points) {

@@ -109,14 +109,14 @@ def ablation_table(bench: Bench) -> Table:
         base = bench.results.of(ablation.base)
         if not base:
             continue
-        about = [base.model, Entry(base).setting()]
-        rows.append([*about, f"nothing: {base.scheme}", *_cost(base, base)])
+        about = [base.model, f"{base.scheme} {Entry(base).setting()}"]
+        rows.append([*about, "nothing", *_cost(base, base)])
         for what, configuration in ablation.without.items():
             if found := bench.results.of(configuration):
                 rows.append([*about, what, *_cost(found, base)])
     columns = [
         _MODEL,
-        Column("setting", "parameters", align="l"),
+        Column("setting", "scheme", align="l"),
         Column("without", "without", align="l"),
         Column("build_s", "build ms", milliseconds),
         Column("build_ratio", "times the build", times),

@@ -1,6 +1,6 @@
 """A second way to a ray's first boundary, to check the oracle by: bisection with intervals.
 
-It shares no step with harness/oracle.py: no polynomial, no root, no gcd, no incremental tree. A
+It shares no step with solid.py: no polynomial, no root, no gcd, no incremental tree. A
 piece of the ray is put into each leaf's distance function in outward-rounded arithmetic (flint.arb,
 128 bits). Leaves, and then the whole tree by Kleene's logic, are inside, outside or unknown on it;
 an unknown piece is halved. What stays unknown at the finest width is a boundary if the solid is
@@ -18,7 +18,7 @@ from flint import arb, fmpq
 
 import tracers
 from harness.nary import INTERSECTION, LEAF, UNION
-from harness.oracle.solid import Answer, ExactSolid
+from harness.oracle.solid import Answer, ExactSolid, is_ray
 
 _BITS = 128
 _FINEST = 2.0**-60  # of the whole piece of the ray that is searched
@@ -51,7 +51,9 @@ class IntervalSolid:
         self._radius = float(np.max(offset + solid.reach))
 
     def first_boundary(self, ray: np.ndarray) -> Bisection:
-        """ray: (8,) float64, finite but for t_min and t_max."""
+        """ray: (8,) float64 as in the tracers; what they take for no ray has none."""
+        if not is_ray(ray):
+            return Bisection(math.inf, math.inf, ())
         precision = flint.ctx.prec
         flint.ctx.prec = _BITS
         try:

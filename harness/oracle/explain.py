@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.console import Console
@@ -15,8 +14,9 @@ from harness import UserError, models
 from harness.openscad import to_csg
 from harness.oracle.judge import Judgement, Verdict, judge
 from harness.oracle.solid import Answer, Crossing, ExactSolid
-from harness.scenes import Scene, load_scenes
-from harness.trace import parse_size
+from harness.scenes import Scene
+from harness.schemes import Params, complete, parse_settings, precision
+from harness.trace import load, parse_size
 
 _FACES = {
     "block": ("x low", "x high", "y low", "y high", "z low", "z high"),
@@ -27,19 +27,23 @@ _FACES = {
 
 def explain(
     out: Console,
+    err: Console,
     model: str,
     pixel: tuple[int, int] | None = None,
     ray: np.ndarray | None = None,
     size: str | tuple[int, int] | None = None,
+    scheme: str | None = None,
+    settings: Sequence[str] = (),
 ) -> None:
     """Print all that happens on one ray of a scene, or of a .scad or .csg.
 
     pixel: x from the left, y from the top; without one, and without a ray, the middle. ray: (6,) or
     (8,) as in the tracers. size: `512x512` or (width, height) in pixels; the scene's own if None.
+    scheme: whose answer is judged, set as the settings say; without one every exact scheme's, for
+    which the settings are those that all have in common.
     """
-    tree, scene = _load(model)
-    for warning in tree.warnings:
-        out.print(f"warning: {warning}", style="yellow", markup=False)
+    params = parse_settings(scheme or "naive", list(settings))
+    tree, scene = load(err, model)
     solid = ExactSolid.from_csg(to_csg(scene.model, models.CACHE), tree)
     row = _checked(ray) if ray is not None else _pixel_ray(out, scene, pixel, size)
     answer = solid.answer(row)
@@ -57,16 +61,14 @@ def explain(
     out.print()
     out.print(_sentence(solid, answer))
     out.print()
-    out.print(_schemes_table(solid, answer, row))
+    if params:
+        out.print(f"Set: {' '.join(f'{name}={value}' for name, value in params.items())}")
+    out.print(_schemes_table(solid, answer, row, scheme, params))
     out.print("E = u·(|o| + size): rounding of the way from the ray's origin to the halfspace.")
+    if precision(params) == "float32":
+        out.print("float32 adds 2⁻²⁴ of the halfspace's size: the way there is in double.")
     out.print()
     out.print(_crossings_table(solid, answer))
-
-
-def _load(model: str) -> tuple[tracers.CsgTree, Scene]:
-    if model in load_scenes():
-        return models.tree(model), models.scene(model)
-    return models.from_file(Path(model))
 
 
 def _pixel_ray(
@@ -161,17 +163,19 @@ def _enclosure(crossing: Crossing) -> str:
 # --- The schemes --------------------------------------------------------------------------------
 
 
-def _schemes_table(solid: ExactSolid, answer: Answer, ray: np.ndarray) -> Table:
+def _schemes_table(
+    solid: ExactSolid, answer: Answer, ray: np.ndarray, scheme: str | None, params: Params
+) -> Table:
     table = Table(box=None, pad_edge=False)
     for heading in ("scheme", "t", "halfspace", "verdict", "error, E", "normal, °"):
         right = heading in ("t", "error, E", "normal, °")
         table.add_column(heading, justify="right" if right else "left", no_wrap=heading == "t")
-    for name, hits in _answers(solid.tree, ray):
+    for name, hits in _answers(solid.tree, ray, scheme, params):
         if isinstance(hits, str):
             table.add_row(name, "", "", hits)
             continue
         t, leaf = float(hits.t[0]), int(hits.leaf[0])
-        judgement = judge(solid, answer, ray, t, leaf, hits.normal[0])
+        judgement = judge(solid, answer, ray, t, leaf, hits.normal[0], precision(params))
         table.add_row(
             name,
             f"{t:.17g}",
@@ -183,15 +187,17 @@ def _schemes_table(solid: ExactSolid, answer: Answer, ray: np.ndarray) -> Table:
     return table
 
 
-def _answers(tree: tracers.CsgTree, ray: np.ndarray) -> Iterator[tuple[str, tracers.Hits | str]]:
-    """Every exact scheme with its default parameters, or why it has none."""
-    for scheme in tracers.schemes():
-        if scheme.needs_mesh or not scheme.exact:
-            continue
+def _answers(
+    tree: tracers.CsgTree, ray: np.ndarray, scheme: str | None, params: Params
+) -> Iterator[tuple[str, tracers.Hits | str]]:
+    """The scheme's, or every exact scheme's, or why it has none."""
+    exact = [s.name for s in tracers.schemes() if s.exact and not s.needs_mesh]
+    for name in [scheme] if scheme else exact:
         try:
-            yield scheme.name, tracers.make(scheme.name, tree).trace(ray[None])
-        except (ValueError, RuntimeError) as error:
-            yield scheme.name, str(error)
+            tracer, _ = models.build(name, tree, complete(name, params))
+            yield name, tracer.trace(ray[None])
+        except (ValueError, UserError) as error:
+            yield name, str(error)
 
 
 def _verdict(judgement: Judgement) -> str:

@@ -7,6 +7,8 @@ grazes within the guard:
 
 - edge       the leaf is right, and from the true boundary to the hit the ray is nowhere farther
              than the guard from that leaf: one face was hit, the next, grazed, is as near;
+- thin       a leaf's crossings are missed, and between them the ray is nowhere farther than the
+             guard from its surface: E times the condition is more than the leaf is thick;
 - neighbour  another leaf, to whose surface the ray comes within the guard inside the band, as far
              as rule 6 looks.
 
@@ -79,19 +81,21 @@ class Judge:
         """Distance of the ray's point from the leaf's surface, in E of the leaf, signed."""
         return max(self.point(leaf, t).distances()) / self.unit(leaf)
 
-    def cosine(self, crossing: Crossing) -> float:
-        """Of the angle at which the ray meets the surfaces there: the least."""
+    def cosine(self, crossing: Crossing, guard: float = 0.0) -> float:
+        """Of the angle at which the ray meets the surfaces there: the least. `guard`, in E, is how
+        near a further piece of a leaf that changes may be to be met as well."""
         cosines = []
         for change in crossing.changes:
-            point = self.point(change.leaf, crossing.t)
-            cosines += [
-                abs(point.normal(piece) @ self.ray[3:6]) / self.speed for piece in change.pieces
-            ]
+            point, met = self.point(change.leaf, crossing.t), {*change.pieces}
+            if guard and point.piece_count > 1:
+                near = guard * self.unit(change.leaf)
+                met |= {i for i, off in enumerate(point.distances()) if abs(off) <= near}
+            cosines += [abs(point.normal(piece) @ self.ray[3:6]) / self.speed for piece in met]
         return min(cosines)
 
     def wide_band(self, crossing: Crossing) -> float:
-        """bb of the hit rule, in t."""
-        return self.band / max(self.cosine(crossing), self.least_cosine)
+        """bb of the hit rule, in t. At an edge, within the guard, it may be that of either face."""
+        return self.band / max(self.cosine(crossing, GUARD), self.least_cosine)
 
     # --- Judging --------------------------------------------------------------------------------
 
@@ -167,7 +171,20 @@ class Judge:
             following = [c.t for c in self.answer.crossings if c.low > t]
             places = [t, *((t + x) / 2 for x in following[:1])]
             return self._near_tie(t) or self._grazed_at(places)
-        return self._near_tie(truth.t) or self._grazed_near(truth.t)
+        return self._near_tie(truth.t) or self._grazed_near(truth.t) or self._thin(truth)
+
+    def _thin(self, crossing: Crossing) -> str:
+        """A leaf that changes there and again so soon that the ray, in between, is nowhere farther
+        than the guard from its surface: rounding may lose both. Few leaves are, but under a
+        transform of a high condition."""
+        for leaf in crossing.leaves:
+            for other in self.answer.crossings:
+                if other is crossing or leaf not in other.leaves:
+                    continue
+                between = np.linspace(crossing.t, other.t, 9)
+                if all(abs(self.clearance(leaf, at)) <= GUARD for at in between):
+                    return "thin"
+        return ""
 
     def _edge(self, truth: Crossing | None, t: float, leaf: int) -> str:
         if truth is None or leaf not in self.answer.decisive:

@@ -15,9 +15,10 @@ NAME = "scale"
 FAMILIES = ("ball", "ngk")
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 SIDE = 256  # pixels of the square picture
-REPEATS = 3
+REPEATS = 3  # one at the largest size
 BUDGET_S = 20.0  # no further repeat once build and trace times would add up to more
-TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
+TIMEOUT_S = 60.0  # for one trial: load, build, trace, trace again to count
+SLOW_S = 10.0  # to build and trace; ten times as large it would run into the timeout
 
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
 # on around what cannot be separated, and ngk takes 3 kB a halfspace.
@@ -43,7 +44,8 @@ def configurations(family: str, size: int, schemes: list[str]) -> list[Configura
     return [
         Configuration(
             f"{family}@{size}", scheme, canonical(complete(scheme, settings(scheme, size))),
-            SIDE, SIDE, "as_written", REPEATS, BUDGET_S, TIMEOUT_S,
+            SIDE, SIDE, "as_written", threads=1, repeats=REPEATS if size < SIZES[-1] else 1,
+            budget_s=BUDGET_S, timeout_s=TIMEOUT_S,
         )
         for scheme in schemes
     ]  # fmt: skip
@@ -58,16 +60,17 @@ def study() -> Study:
 
 
 def step(number: int, store: Store) -> list[Configuration]:
-    """What to run after so many steps, size by size: a scheme that has failed on a family, with
-    this code, is not tried on a larger model of it."""
+    """What to run after so many steps, size by size: a scheme that has failed or taken long on a
+    family, with this code, is not tried on a larger model of it."""
     n, family = SIZES[number // len(FAMILIES)], FAMILIES[number % len(FAMILIES)]
     smaller = {f"{family}@{size}" for size in SIZES if size < n}
-    failed = {
+    ended = {
         trial.scheme
         for trial, row in store.trials({code_version()}).items()
-        if trial.model in smaller and row["status"] != "ok"
+        if trial.model in smaller
+        and (row["status"] != "ok" or row["build_s"] + row["trace_s"] > SLOW_S)
     }
-    return configurations(family, n, [s for s in catalogue() if s not in failed])
+    return configurations(family, n, [s for s in catalogue() if s not in ended])
 
 
 def make_models(told: Callable[[str], None]) -> None:

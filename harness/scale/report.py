@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from harness.plots import save
 from harness.results import Result, Results
 from harness.scale import lazy
-from harness.scale.plan import BUDGET_S, FAMILIES, NAME, SIZES, TIMEOUT_S
+from harness.scale.plan import BUDGET_S, FAMILIES, NAME, SIZES, SLOW_S, TIMEOUT_S
 from harness.schemes import catalogue
 from harness.statistics import Estimate
 from harness.table import (
@@ -94,8 +94,8 @@ def growth_table(family: str, grown: Results) -> Table:
         f"{one.width}×{one.height} pixels, two lights; build and trace by one thread. Subdivision "
         f"by h alone. A trial has {TIMEOUT_S:g} s for loading, building, tracing and tracing again "
         f"to count, and three quarters of the machine's memory; repeats end at {BUDGET_S:g} s. A "
-        "scheme that did not finish is not tried on a larger model. In brackets: 95% interval of "
-        "the median."
+        f"scheme that did not finish, or took more than {SLOW_S:g} s to build and trace, is not "
+        "tried on a larger model. In brackets: 95% interval of the median."
     ]
     return Table(f"{NAME}_{family}", f"Growth with the model: {family}", columns, rows, notes, 2)
 
@@ -110,8 +110,10 @@ def _why_not(result: Result, grown: Results) -> str:
     family, _, n = result.model.partition("@")
     smaller = {f"{family}@{size}" for size in SIZES if size < int(n)}
     of = [r for r in grown.all if r.scheme == result.scheme and r.model in smaller]
-    failed = any(r.status not in ("ok", "not run") for r in of)
-    return "not tried: a smaller one did not finish" if failed else "not measured yet"
+    if any(r.status not in ("ok", "not run") for r in of):
+        return "not tried: a smaller one did not finish"
+    slow = any(r.ok and r.build_s.median + r.trace_s.median > SLOW_S for r in of)
+    return f"not tried: a smaller one took more than {SLOW_S:g} s" if slow else "not measured yet"
 
 
 def exponent_table(grown: Results) -> Table:

@@ -30,7 +30,7 @@ SEED = 16
 FROM_FULL = 100_000  # rays from which the other builds are made: each takes a minute
 RAYS_PER_SOLID = 50_000
 SIDE = 160  # of a picture, pixels: five tiles
-SCHEMES = ("naive", "hybrid_sdsm", "embree_cells")
+SCHEMES = ("naive", "hybrid_sdsm", "packet_sdsm", "embree_cells")
 
 
 def runnable() -> list[str]:

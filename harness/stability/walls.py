@@ -25,7 +25,7 @@ from harness.stability.scenes import (
     walk,
 )
 
-OCTREES = ("sdsm", "hybrid_sdsm", "embree_cells")
+OCTREES = ("sdsm", "hybrid_sdsm", "packet_sdsm", "embree_cells")
 DEEPEST, VOXELS = 10, 256
 
 

@@ -6,11 +6,13 @@ import math
 
 import pytest
 
-from harness import results
+from harness import models, results
 from harness.accuracy import measure, report
+from harness.accuracy.settings import NAME, Setting, load
+from harness.machine import code_version
 from harness.report import load_study
 from harness.schemes import precision
-from harness.store import Outcome, Session, Store, Trial
+from harness.store import Errors, Outcome, Session, Store, Trial
 from harness.study import Configuration
 
 STUDY = load_study("accuracy")
@@ -58,7 +60,7 @@ def test_errors_grow_as_settings_get_coarser(figures) -> None:
 
 
 @pytest.fixture
-def settings(tmp_path, figures) -> list[report.Setting]:
+def settings(tmp_path, figures) -> list[Setting]:
     """As `csgbench accuracy` would load them, with made-up times."""
     store = Store(tmp_path / "trials.sqlite")
     store.add_session(Session("s", "accuracy", 0, "", "", {}, "", "", {}))
@@ -67,9 +69,9 @@ def settings(tmp_path, figures) -> list[report.Setting]:
         c = small(knob)
         configurations.append(dataclasses.replace(c, repeats=3))
         trial = Trial(
-            "ball", report.models.content_hash("ball"), c.shape, c.scheme, c.params,
+            "ball", models.content_hash("ball"), c.shape, c.scheme, c.params,
             precision(json.loads(c.params)),
-            SIDE, SIDE, threads=1, repeat=0, attempt=0, code_version=report.code_version(),
+            SIDE, SIDE, threads=1, repeat=0, attempt=0, code_version=code_version(),
         )  # fmt: skip
         for repeat in range(3):
             seconds = n * (1 + repeat / 100)
@@ -77,12 +79,12 @@ def settings(tmp_path, figures) -> list[report.Setting]:
                 "ok", "", f"{n}{repeat}", seconds, 0.5, seconds, None, 1, 1000, f"{n}"
             )
             store.add_trial("s", dataclasses.replace(trial, repeat=repeat), outcome)
-        record = report.Errors(
-            report.NAME, *dataclasses.astuple(trial)[:5], SIDE, SIDE, trial.code_version, found, ""
+        record = Errors(
+            NAME, *dataclasses.astuple(trial)[:5], SIDE, SIDE, trial.code_version, found, ""
         )
         store.add_errors(record)
     study = dataclasses.replace(STUDY, configurations=tuple(configurations))
-    return report.load(study, store)
+    return load(study, store)
 
 
 def test_report_says_what_was_turned_and_what_it_costs(settings, tmp_path) -> None:

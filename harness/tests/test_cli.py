@@ -46,6 +46,9 @@ def test_help_teaches():
         (["trace", "nope.scad"], "nope.scad: no such file"),
         (["trace", "ball", "--scheme", "fast"], "unknown scheme 'fast'; known: naive, "),
         (["trace", "ball", "--set", "d"], "'d' is not of the form name=value"),
+        (["trace", "ball", "--set", "d=5", "d=6"], "parameter 'd' is set twice"),
+        (["oracle", "ball", "--set", "d=5"], "naive: unknown parameter 'd'"),
+        (["oracle", "ball", "--scheme", "sdsm", "--set", "k=5"], "unknown parameter 'k'; known: d"),
         (["trace", "ball", "--set", "d=x"], "hybrid_sdsm: parameter 'd' wants a whole number"),
         (["trace", "ball", "--set", f"d={1 << 63}"], "hybrid_sdsm: parameter 'd' is 9223372036854"),
         (
@@ -73,7 +76,18 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, message):
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("cube(", "syntax"), ("hull() { cube(); sphere(); }", "hull"), ("", "")],
+    [
+        ("cube(", "bad.scad:2: Parser error: syntax"),
+        (
+            "hull() { cube(); sphere(); }",
+            "bad.scad (as evaluated by OpenSCAD):1:1: unsupported: hull",
+        ),
+        ("", "bad.scad (as evaluated by OpenSCAD): the model is empty"),
+        (
+            "intersection() { cube(1); translate([5, 0, 0]) cube(1); }",
+            "bad.scad: the solid is empty",
+        ),
+    ],
 )
 def test_a_model_that_cannot_be_read_is_one_line_too(tmp_path, text, message):
     path = tmp_path / "bad.scad"
@@ -94,8 +108,9 @@ def test_trace_takes_settings_in_both_forms_and_draws_the_same(tmp_path):
     path = tmp_path / "ball.exr"
     first = run("trace", "ball", "--size", "40x30", "--set", "d=4", "h=10", "-o", path)
     second = run("trace", "ball", "--size", "40x30", "--set", "d=4", "--set", "h=10")
-    assert first.exit_code == second.exit_code == 0
-    for result in (first, second):
+    third = run("trace", "--size", "40x30", "--set", "d=4", "h=10", "ball")
+    for result in (first, second, third):
+        assert result.exit_code == 0
         assert "hybrid_sdsm bound=all d=4 h=10" in plain(result.stdout)
         assert re.search(r"primitives tested [\d,]+, [\d.]+ a ray", plain(result.stdout))
     channels = images.read_exr(path)
@@ -109,8 +124,41 @@ def test_trace_shows_any_file_and_the_warnings_of_the_loader(tmp_path):
     path.write_text("cylinder($fn = 6, h = 2, r1 = 1, r2 = 1, center = true);\n")
     result = run("trace", path, "--size", "20x20", "-o", tmp_path / "prism.png")
     assert result.exit_code == 0
-    assert "warning: " in plain(result.stdout)
+    assert "warning: " in plain(result.stderr)
+    assert "warning" not in result.stdout
     assert (tmp_path / "prism.png").stat().st_size > 0
+
+
+def test_a_picture_of_nothing_is_warned_of(tmp_path):
+    path = tmp_path / "nothing.csg"
+    block = "cube(size = [1, 1, 1], center = false);"
+    path.write_text(f"difference() {{ {block} {block} }}")
+    result = run("trace", path, "--size", "8x8")
+    assert result.exit_code == 0
+    assert "nothing.csg: no ray hits anything" in plain(result.stderr)
+
+
+def test_help_is_wrapped_to_the_terminal(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    lines = [line.strip() for line in run("stability", "--help").output.splitlines()]
+    first = next(i for i, line in enumerate(lines) if line.startswith("X18"))
+    paragraph = lines[first : lines.index("", first)]
+    assert len(paragraph) > 5
+    assert all(40 < len(line) <= 60 for line in paragraph[:-1])
+
+
+def test_the_oracle_judges_one_scheme_as_it_is_set():
+    at = ("--pixel", "8,8", "--size", "16x16")
+    one = plain(run("oracle", "ball", *at, "--scheme", "sdsm", "--set", "d=4", "h=9").stdout)
+    assert "Set: d=4 h=9 scheme" in one
+    assert "naive" not in one
+    every = plain(run("oracle", "--set", "precision=float32", "ball", *at).stdout)
+    assert "Set: precision=float32 scheme" in every
+    assert "naive" in every
+    assert "embree_cells" in every
+    assert "float32 adds" in every
+    assert "flip" not in one + every
+    assert "Usage" not in one + every
 
 
 def test_a_tiny_sweep_from_end_to_end(tmp_path):

@@ -72,6 +72,15 @@ def test_a_complaint_about_an_included_file_names_that_file(folder):
     assert refusal(scad) == "models/lib/part.scad:3: Ignoring unknown module 'nut'"
 
 
+def test_a_syntax_error_elsewhere_names_the_file_as_it_was_given(folder):
+    scad = write(folder / "models" / "m.scad", "cube(1);\ncube(")
+    assert refusal(scad).startswith("models/m.scad:3: Parser error")
+    assert refusal(scad.resolve()).startswith(f"{scad.resolve()}:3: Parser error")
+    write(folder / "models" / "lib" / "part.scad", "module part( {}")
+    using = write(folder / "models" / "n.scad", "use <lib/part.scad>\npart();")
+    assert refusal(using).startswith("models/lib/part.scad:1: Parser error")
+
+
 def test_a_word_that_a_model_prints_is_no_complaint(folder):
     scad = write(folder / "m.scad", 'echo("WARNING: ERROR: all is well"); cube(1);')
     evaluate(scad, folder / "m.csg")

@@ -15,7 +15,7 @@ import tracers
 from harness import UserError, models
 from harness.adversaries import FAMILIES
 from harness.adversaries.aim import all_rays, rays_for
-from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, placed
+from harness.adversaries.families import DIFFERENCE, INTERSECTION, UNION, Solid, placed, rotation
 from harness.openscad import to_csg
 from harness.oracle.check import check
 from harness.oracle.explain import explain
@@ -223,6 +223,20 @@ def test_bisection_with_intervals_finds_the_same_boundaries() -> None:
     assert undecided <= 0.15 * total  # rays in faces, and starts on surfaces
 
 
+def test_both_ways_take_no_ray_for_a_miss() -> None:
+    solid = Solid()
+    tree = solid.tree(solid.leaf("sphere", [1]))
+    row = ray(-3, 0, 0, 1, 0, 0)
+    rows = np.tile(row, (16, 1))
+    np.fill_diagonal(rows[:8], np.nan)
+    np.fill_diagonal(rows[8:14], np.inf)
+    rows[14, 3] = 0
+    rows[15, 3] = 1e-310  # one, but a hit lies beyond all doubles
+    found = check(tree, rows)
+    assert (found.rays, found.disagreeing) == (16, ())
+    assert found.undecided <= 1
+
+
 # --- The judge ----------------------------------------------------------------------------------
 
 
@@ -306,6 +320,36 @@ def test_a_false_hit_is_a_flip_unless_the_surface_is_grazed() -> None:
         assert judge(ball, answer, row, 3.0, 0, up).verdict is expected
 
 
+MISS = (math.inf, -1, np.zeros(3))
+
+
+def test_a_chord_is_excused_by_the_band_of_either_face_at_an_edge() -> None:
+    """float32, of a large scene, may take a ray into an edge for one that meets the grazed face,
+    whose band is longer than the chord."""
+    solid = Solid()
+    far = solid.leaf("sphere", [1], placed(0, 0, 3.1e5))
+    exact = of([UNION, solid.leaf("block", [1, 1, 1]), far], solid)
+    for off, expected in ((1e-8, Verdict.EXCUSED), (1e-5, Verdict.FLIP)):
+        row = ray(-1.2 + off, -3, 0, 0.1, 1, 0)
+        answer = exact.answer(row)
+        assert answer.hit.changes[0].pieces == (2,)
+        assert judge(exact, answer, row, *MISS, "float32").verdict is expected
+        assert judge(exact, answer, row, *MISS, "float64").verdict is Verdict.FLIP
+
+
+def test_a_leaf_thinner_than_its_own_unit_of_error_may_be_missed() -> None:
+    row = ray(-0.3, 0.2, 3, 0.1, 0.05, -1)
+    for thickness, expected in ((1e-9, Verdict.EXCUSED), (1e-6, Verdict.FLIP)):
+        solid = Solid()
+        tilted = rotation(np.random.default_rng(0)) @ np.diag([1, 1, thickness])
+        plate = of(solid.leaf("block", [2, 2, 1], placed(0, 0, 0, tilted)), solid)
+        answer = plate.answer(row)
+        assert len(answer.crossings) == 2
+        found = judge(plate, answer, row, *MISS)
+        assert found.verdict is expected
+        assert found.reason == ("thin" if expected is Verdict.EXCUSED else "")
+
+
 def test_bulk_judging_counts_and_reports_progress() -> None:
     rng = np.random.default_rng(11)
     tree = FAMILIES["coplanar_blocks"](rng)
@@ -332,7 +376,7 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
     path.write_text(f"difference() {{ cube(size = [2, 2, 2], center = true); {A} }}")
     text = StringIO()
     out = Console(file=text, width=200, highlight=False)
-    explain(out, str(path), ray=np.array([-3.0, 0.1, 0.2, 1, 0, 0]))
+    explain(out, out, str(path), ray=np.array([-3.0, 0.1, 0.2, 1, 0, 0]))
     shown = text.getvalue()
     assert "enters the solid at block 0" in shown
     assert "1.9999999999999998 < t < 2.0000000000000004, certified" in shown
@@ -341,4 +385,4 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
         assert (scheme.name in shown) == (scheme.exact and not scheme.needs_mesh)
     assert "flip" not in shown
     with pytest.raises(UserError, match="not in a picture of 8x8"):
-        explain(out, str(path), pixel=(8, 0), size="8x8")
+        explain(out, out, str(path), pixel=(8, 0), size="8x8")

@@ -88,7 +88,7 @@ def test_threads_that_enter_the_same_cells_at_once(trees):
         assert (tracer.facts, tracer.bytes) == (once.facts, once.bytes)
 
 
-@pytest.mark.parametrize("scheme", ["sdsm", "hybrid_sdsm", "embree_cells"])
+@pytest.mark.parametrize("scheme", ["sdsm", "hybrid_sdsm", "packet_sdsm", "embree_cells"])
 def test_the_octree_does_not_depend_on_the_threads_that_built_it(scheme, trees):
     tree = trees["ngk"]
     rays = np.asarray(models.frame(tree).view(32, 32).primary_rays())
@@ -164,7 +164,7 @@ def store_of(folder, seconds) -> Store:
         n = int(c.model.partition("@")[2])
         taken = seconds(c.scheme, n)
         trial = Trial(c.model, c.model, c.shape, c.scheme, c.params, "float64", c.width, c.height,
-                      0, 0, plan.code_version())  # fmt: skip
+                      c.threads, 0, 0, plan.code_version())  # fmt: skip
         if taken is None:
             store.add_trial("s", trial, Outcome("timeout", "no answer"))
             continue
@@ -179,6 +179,12 @@ def test_a_scheme_that_failed_is_not_tried_on_a_larger_model(tmp_path):
     tried = [{c.scheme for c in plan.step(i, store)} for i in range(8)]
     assert ["naive" in schemes for schemes in tried] == [True] * 4 + [False] * 4
     assert all("sdsm" in schemes for schemes in tried)
+
+
+def test_a_scheme_that_took_long_is_not_tried_on_a_larger_model(tmp_path):
+    store = store_of(tmp_path, lambda scheme, n: 0.002 * n if scheme == "naive" else 1.0)
+    tried = [{c.scheme for c in plan.step(i, store)} for i in range(8)]
+    assert ["naive" in schemes for schemes in tried] == [True] * 4 + [False] * 4
 
 
 def test_exponents_and_reasons_are_tabled(tmp_path):

@@ -240,9 +240,10 @@ void Lowering::refuse_unsupported() const {
   const auto& entries = unsupported_.entries();
   std::string line = source_.at(entries[0].first_offset) + ": unsupported: ";
   for (const Tally::Entry& entry : entries) {
-    if (&entry != entries.data()) line += ", ";
-    line += entry.remark + " (" + (entry.count > 1 ? std::to_string(entry.count) + ", the first at " : "at ") +
-            source_.at(entry.first_offset) + ")";
+    const bool is_first = &entry == entries.data();  // its place stands in front
+    std::string where = entry.count > 1 ? "the first of " + std::to_string(entry.count) : "";
+    if (!is_first) where += (where.empty() ? "at " : " at ") + source_.at(entry.first_offset);
+    line += (is_first ? "" : ", ") + entry.remark + (where.empty() ? "" : " (" + where + ")");
   }
   throw ModelError(line);
 }

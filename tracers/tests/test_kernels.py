@@ -176,3 +176,39 @@ def test_crossings_that_rounding_makes_one_are_none() -> None:
     count, t, _ = tracers.crossings(tree, np.array([[*origin, *along, 0, np.inf]]))
     assert count[0] == 2
     assert t[0, 0] < t[0, 1]
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_crossings_do_not_depend_on_the_length_of_the_direction(kind: str, precision: str) -> None:
+    """Squares of directions shorter than 1e-160 vanish, of those longer than 1e160 overflow."""
+    numerics = {"precision": precision}
+    tree, _, rng = next(cases(kind, "rotated", 1))
+    rays = aimed(tree, rng, 200)
+    count, t, _ = tracers.crossings(tree, rays, numerics)
+    assert (count > 0).any()
+    for exponent in (-1000, -600, -1, 1, 600, 1000):
+        scaled = rays.copy()
+        scaled[:, 3:6] = np.ldexp(rays[:, 3:6], exponent)
+        again, u, _ = tracers.crossings(tree, scaled, numerics)
+        assert np.array_equal(again, count)
+        assert np.array_equal(u, np.ldexp(t, -exponent))
+        hits = tracers.make("naive", tree, numerics).trace(scaled)
+        met = hits.leaf == 0
+        assert (u[met] == hits.t[met, None]).any(axis=1).all()
+
+
+def test_what_is_no_ray_has_no_crossings() -> None:
+    solid = Solid()
+    tree = solid.tree(solid.leaf("torus", [1, 0.25]))
+    line = np.array([[-3.0, 0.1, 0, 1, 0, 0, 0, np.inf]])
+    assert tracers.crossings(tree, line)[0] == [4]
+    for column in range(8):
+        for value in (np.nan, np.inf, 0.0):
+            row = line.copy()
+            row[0, column] = value
+            none = (
+                np.isnan(value) or (column < 6 and np.isinf(value)) or (column == 3 and not value)
+            )
+            assert (tracers.crossings(tree, row)[0] == [0]) == none
+            assert not none or tracers.make("naive", tree).trace(row).leaf == [-1]
