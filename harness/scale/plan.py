@@ -18,7 +18,7 @@ SIDE = 256  # pixels of the square picture
 REPEATS = 3  # one at the largest size
 BUDGET_S = 20.0  # no further repeat once build and trace times would add up to more
 TIMEOUT_S = 60.0  # for one trial: load, build, trace, trace again to count
-SLOW_S = 10.0  # to build and trace; ten times as large it would run into the timeout
+SLOW_S = 8.0  # to build and trace; ten times as large it would run into the timeout
 
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
 # on around what cannot be separated, and ngk takes 3 kB a halfspace.
