@@ -25,12 +25,6 @@ struct Pair {
   Box box;
 };
 
-Box octant(const Box& box, int number) {
-  Box out = box;
-  for (int axis = 0; axis < 3; ++axis) (number >> axis & 1 ? out.lo : out.hi)[axis] = box.center()[axis];
-  return out;
-}
-
 /// What the benchmarks of a model work on, made when the first of them runs.
 struct Material {
   explicit Material(const Model& of) : model(*of.tree), octree(model, kLimits) {
