@@ -8,7 +8,6 @@
 namespace csg::packets {
 namespace {
 
-constexpr int kMostAtoms = 64, kMostOperators = 128;  // as in walk.hpp
 constexpr double kFloat = kUnitRoundoff<float>;
 
 double norm(const double row[3]) { return std::hypot(row[0], row[1], row[2]); }

@@ -7,6 +7,9 @@
 
 namespace csg::packets {
 
+/// Of a cell that packets pass through; one that has more is not trusted.
+inline constexpr int kMostAtoms = 64, kMostOperators = 128;
+
 /// A box with its octants, or with a cell.
 struct Node {
   float side[6];          ///< low on x, y, z; high on x, y, z

@@ -14,7 +14,6 @@ namespace {
 
 using namespace csg::packets;
 
-constexpr int kMostAtoms = 64, kMostOperators = 128;
 constexpr float kNever = __builtin_inff();
 
 struct Packet {
@@ -367,14 +366,14 @@ class Walker {
     limit_ = packet_.end;
     for (int axis = 0; axis < 3; ++axis) nearer_[axis] = axis + (octant >> axis & 1 ? 3 : 0);
     F enter, exit;
-    stack[top++] = {0, meets(model_.nodes[0], enter, exit)};
+    stack[top++] = {0, meets(model_.nodes[0], lanes, enter, exit)};
     while (top > 0) {
       const Task task = stack[--top];
       const Mask met = task.lanes & active_;
       if (!met) continue;
       const Node& node = model_.nodes[task.node];
       if (node.octants == 0) {
-        const Mask still = met & meets(node, enter, exit);
+        const Mask still = meets(node, met, enter, exit);
         if (still) pass(model_.cells[node.link], still, enter, exit);
         if (!active_) return;
         continue;
@@ -386,7 +385,7 @@ class Walker {
         order ^= 1u << last;
         const unsigned bit = 1u << (last ^ octant);
         const std::int32_t child = node.link + count_of(node.octants & (bit - 1));
-        const Mask lanes_met = met & meets(model_.nodes[child], enter, exit);
+        const Mask lanes_met = meets(model_.nodes[child], met, enter, exit);
         stack[top] = {child, lanes_met};
         top += lanes_met != 0;
       }
@@ -402,15 +401,15 @@ class Walker {
     return octants;
   }
 
-  /// The rays' interval in a box.
-  Mask meets(const Node& node, F& enter, F& exit) const {
-    if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(active_));
+  /// The rays' interval in a box, and which of `lanes` have one.
+  Mask meets(const Node& node, Mask lanes, F& enter, F& exit) const {
+    if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(lanes));
     enter = F{}, exit = limit_;
     for (int axis = 0; axis < 3; ++axis) {
       enter = max(enter, node.side[nearer_[axis]] * packet_.inverse[axis] - packet_.scaled[axis]);
       exit = min(exit, node.side[3 - nearer_[axis] + 2 * axis] * packet_.inverse[axis] - packet_.scaled[axis]);
     }
-    return at_most(enter, exit);
+    return lanes & at_most(enter, exit);
   }
 
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
