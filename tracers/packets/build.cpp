@@ -252,15 +252,14 @@ class Structure::CellMaker {
     atom.parent = slot;
     atom.flip = flip ? 0xffff : 0;
     atom.negative = negative;
-    const int first = kind == AtomKind::SlabY ? 1 : kind == AtomKind::SlabZ ? 2 : 0;
-    const int last = kind == AtomKind::SlabX ? 1 : kind == AtomKind::SlabY || kind == AtomKind::Tube ? 2 : 3;
+    const auto [first, end] = kAxes[static_cast<int>(kind)];
     double error = 0, far = 0;
     for (int i = 0; i < 3; ++i) {
       double c = 0;
       for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
       if (kind == AtomKind::Wall && i == 2) c -= wall_origin(frame);
       atom.centre[i] = static_cast<float>(c);
-      if (i < first || i >= last) continue;
+      if (i < first || i >= end) continue;
       // A wall feels an error of z by its slope only.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
       const double extent = norm(frame.row[i]) * reach + std::fabs(c);

@@ -21,6 +21,11 @@ struct Node {
 /// All convex but the torus. A wall is a cone without its caps.
 enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ, Wall, Torus };
 
+/// The axes of its frame that each kind is about: from `first` to before `end`.
+inline constexpr struct {
+  int first, end;
+} kAxes[] = {{0, 3}, {0, 3}, {0, 2}, {0, 1}, {1, 2}, {2, 3}, {0, 3}, {0, 3}};
+
 /// An atom in a cell. Its frame is that of the leaf, scaled so that the atom's size is 1.
 struct Atom {
   float centre[3];  ///< the cell's centre in the frame
