@@ -78,7 +78,8 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
 struct Scale {
   double unit;
   Vec3 middle;
-  double band;  ///< the widest of any ray, in units
+  double band;    ///< the widest of any ray, in units
+  double margin;  ///< around a cell, in halves of its side
 };
 
 }  // namespace
@@ -99,7 +100,7 @@ class Structure::CellMaker {
 
   void add(TreeView tree, const Box& cell, Batch& out) {
     out_ = &out;
-    margin_ = kMargin * cell.half().x;
+    margin_ = scale_.margin * cell.half().x;
     const Box box = tight_ ? tighten(tree, cell) : cell;
     Node node{};
     node.side[0] = 1, node.side[3] = 0;
@@ -146,7 +147,9 @@ class Structure::CellMaker {
     const double reach = length(box.padded(margin_).half()) / scale_.unit;
     cell.first_atom = static_cast<std::uint32_t>(out_->atoms.size());
     cell.first_operator = static_cast<std::uint32_t>(out_->operators.size());
-    cell.window = static_cast<float>(margin_ / 32 / scale_.unit);
+    // Wide against what rounding costs, narrow against the margin, and against what lies close together.
+    const double margin = margin_ / scale_.unit;
+    cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 32, margin / 8));
     cell.trusted = true;
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
@@ -280,7 +283,7 @@ class Structure::CellMaker {
     } else {
       error = (kind == AtomKind::Wall ? 4 : 1) * error + 4 * kFloat;
       atom.size = static_cast<float>(negative ? 1 - error : 1 + error);
-      atom.graze = static_cast<float>(4 * error / window);
+      atom.graze = static_cast<float>(2 * error / window);
     }
     if (!(error < 0x1p-8)) cell.trusted = false;
     out_->atoms.push_back(atom);
@@ -351,17 +354,17 @@ class NodeMaker {
 
 }  // namespace
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads) {
+Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads) {
   if (tree.world().empty()) return;
-  build(tree, octree, tight, threads);
+  build(tree, octree, margin, tight, threads);
   cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
   model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
   model_.operators = operators_.data(), model_.frames = frames_.data();
 }
 
-void Structure::build(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads) {
+void Structure::build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads) {
   // The widest band of any ray, and at least what double loses.
-  Scale scale{std::ldexp(1.0, std::ilogb(tree.size())), octree.world().center(), 0};
+  Scale scale{std::ldexp(1.0, std::ilogb(tree.size())), octree.world().center(), 0, margin};
   const auto band = [&](double distance) {
     const Vec3 origin{distance, 0, 0};
     return std::max(tree.tolerances().band(origin, 1), Tolerances({}, tree.size()).band(origin, 1)) / scale.unit;
@@ -369,7 +372,7 @@ void Structure::build(const CsgTree& tree, const Octree& octree, bool tight, std
   scale.band = band(tree.tolerances().farthest_origin());
   for (int axis = 0; axis < 3; ++axis) model_.centre[axis] = scale.middle[axis];
   model_.per_unit = 1 / scale.unit;
-  model_.radius = length(octree.world().half()) / scale.unit * (1 + kMargin);
+  model_.radius = length(octree.world().half()) / scale.unit * (1 + margin);
   model_.near = 2 * tree.size() / scale.unit;
   model_.band = band(2 * tree.size());
   for (const Leaf& leaf : tree.leaves()) frames_.push_back(frame_of(leaf, scale.middle, scale.unit));

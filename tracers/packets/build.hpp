@@ -4,20 +4,22 @@
 #include <string>
 #include <vector>
 
+#include "../error_unit.hpp"
 #include "../structures/octree.hpp"
 #include "packet_model.hpp"
 
 namespace csg::packets {
 
 /// Around a cell, its tree holds for this many halves of its side: half of it is given to the boxes that rays
-/// enter by, and a 32nd to what floats may be wrong by.
-inline constexpr double kMargin = 0x1p-4;
+/// enter by, and a 32nd to an 8th to what floats may be wrong by.
+constexpr double margin_for(Precision precision) { return precision == Precision::Float64 ? 0x1p-4 : 0x1p-3; }
 
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {
  public:
   /// `tight`: shrink the cells' boxes to where their trees are not constant. The same for any number of threads.
-  Structure(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads);
+  /// `margin` is that of the octree's trees.
+  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
 
   const Model& model() const { return model_; }
   bool empty() const { return nodes_.empty(); }
@@ -26,7 +28,7 @@ class Structure {
 
  private:
   class CellMaker;
-  void build(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads);
+  void build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
 
   std::vector<Node> nodes_;
   std::vector<Cell> cells_;

@@ -30,7 +30,7 @@ inline constexpr struct {
 struct Atom {
   float centre[3];  ///< the cell's centre in the frame
   float size;       ///< 1 and the rounding, as a larger atom if it adds to the solid, else a smaller
-  float graze;      ///< below this speed towards the surface, rounding may move a crossing by W/4
+  float graze;      ///< below this speed towards the surface, rounding may move a crossing by W/2
   std::int32_t leaf;
   std::uint16_t parent;  ///< operator of the cell that it is an operand of
   std::uint16_t flip;    ///< all ones if it is complemented there, else 0

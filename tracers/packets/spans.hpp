@@ -30,15 +30,49 @@ struct Passage {
   Mask lanes, near_start;
 };
 
+/// Where crossings of a cell's atoms may be, if there are any, of which floats cannot tell more: the ray grazes a
+/// surface there. Outside of these an atom is as its interval says.
+struct Doubts {
+  struct {
+    Mask lanes;
+    F from, to;
+  } of[3 * kMostAtoms];
+  int count = 0;
+
+  void add(Mask lanes, const F& from, const F& to) { of[count++] = {lanes, from, to}; }
+
+  /// The rays of which one lies between.
+  Mask between(const F& from, const F& to) const {
+    Mask out = 0;
+    for (int i = 0; i < count; ++i) out |= of[i].lanes & at_most(of[i].from, to) & at_most(from, of[i].to);
+    return out;
+  }
+};
+
 inline F dot3(const F a[3], const F b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline F apply(const float row[3], const F v[3]) { return row[0] * v[0] + row[1] * v[1] + row[2] * v[2]; }
 
 /// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
 inline float touch(const Atom& atom) { return 8 * __builtin_fabsf(atom.size - 1); }
 
+/// The interval of a round atom around the middle of its chord. `per_speed`² is `inverse`; `inside` is of half the
+/// chord the square, times the speed's.
+inline void chord(const Atom& atom, const F& middle, const F& inside, const F& inverse, const F& rounding,
+                  const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const F half = root(max(inside, F{}) * inverse) + rounding;
+  const Mask met = less(F{}, inside);
+  lo = select(met, middle - half, all(kNever));
+  hi = select(met, middle + half, all(-kNever));
+  const Mask grazed = in.lanes & less(magnitude(inside), max(atom.graze * atom.graze * inverse, all(touch(atom))));
+  if (grazed) [[unlikely]] {
+    const F most = root((max(inside, F{}) + 2 * touch(atom)) * inverse) + magnitude(rounding);
+    doubts.add(grazed, middle - most, middle + most);
+  }
+}
+
 /// A quadric that is the unit circle or sphere in `axes` axes of the frame.
 template <int axes>
-inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& in, F& lo, F& hi) {
+inline void round_span(const Atom& atom, const float (*rows)[3], const Passage& in, Doubts& doubts, F& lo, F& hi) {
   F x[axes], v[axes];
   F along = F{}, vv = F{};
   for (int i = 0; i < axes; ++i) {
@@ -56,17 +90,12 @@ inline Mask round_span(const Atom& atom, const float (*rows)[3], const Passage& 
     const F across = x[i] + middle * v[i];
     distance += across * across;
   }
-  const F inside = atom.size * atom.size - distance;
   // Along the axis the middle may be far away, and rounded as coarsely.
   const float outwards = atom.negative ? -0x1p-21f : 0x1p-21f;
-  const F half = root(max(inside, F{}) * inverse) + outwards * magnitude(middle);
-  const Mask met = less(F{}, inside);
-  lo = select(met, middle - half, all(kNever));
-  hi = select(met, middle + half, all(-kNever));
-  return less(magnitude(inside), max(atom.graze * atom.graze * inverse, all(touch(atom))));
+  chord(atom, middle, atom.size * atom.size - distance, inverse, outwards * magnitude(middle), in, doubts, lo, hi);
 }
 
-inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& lo, F& hi) {
+inline void ball_span(const Atom& atom, float per_radius, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   F x[3];
   for (int i = 0; i < 3; ++i) x[i] = per_radius * in.p[i] + atom.centre[i];
   const float radius = 1 / per_radius;
@@ -76,44 +105,33 @@ inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& 
     const F across = x[i] - along * in.d[i];
     distance += across * across;
   }
-  const F inside = atom.size * atom.size - distance;
-  const F half = radius * root(max(inside, F{})), middle = -radius * along;
-  const Mask met = less(F{}, inside);
-  lo = select(met, middle - half, all(kNever));
-  hi = select(met, middle + half, all(-kNever));
-  return less(magnitude(inside), all(__builtin_fmaxf(atom.graze * atom.graze * radius * radius, touch(atom))));
+  chord(atom, -radius * along, atom.size * atom.size - distance, all(radius * radius), F{}, in, doubts, lo, hi);
 }
 
-/// |z| ≤ 1 along z + s·v. Grazed where the ray is nearly parallel to the faces and, in the cell, neither
-/// certainly between them nor certainly not.
-inline Mask slab(const Atom& atom, F z, F v, const Passage& in, F& lo, F& hi) {
-  v = away_from_zero(v);
-  const F inverse = 1.0f / v;
+/// |z| ≤ 1 along z + s·v.
+inline void slab_span(const Atom& atom, const float row[3], float centre, const Passage& in, Doubts& doubts, F& lo,
+                      F& hi) {
+  const F z = apply(row, in.p) + centre, v = away_from_zero(apply(row, in.d)), inverse = 1.0f / v;
   const auto between = [&](float size, F& first, F& last) {
     const F low = (-size - z) * inverse, high = (size - z) * inverse;
     first = min(low, high);
     last = max(low, high);
   };
   between(atom.size, lo, hi);
-  Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
+  const Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
   if (grazed) [[unlikely]] {
-    const F spare = in.exit - in.enter, from = in.enter - spare, to = in.exit + spare;
     const float rounding = __builtin_fabsf(atom.size - 1) + 0x1p-21f;
     F outer_lo, outer_hi, inner_lo, inner_hi;
     between(1 + rounding, outer_lo, outer_hi);
     between(1 - rounding, inner_lo, inner_hi);
-    grazed &= at_most(outer_lo, to) & at_most(from, outer_hi) & ~(at_most(inner_lo, from) & at_most(to, inner_hi));
+    doubts.add(grazed, outer_lo, inner_lo);
+    doubts.add(grazed, inner_hi, outer_hi);
   }
-  return grazed;
-}
-
-inline Mask slab_span(const Atom& atom, const float row[3], float centre, const Passage& in, F& lo, F& hi) {
-  return slab(atom, apply(row, in.p) + centre, apply(row, in.d), in, lo, hi);
 }
 
 /// ρ ≤ w where w ≥ 0, from the roots of ρ² − w². A line flatter than the wall is inside between them, if that
 /// is on the side of the apex where w ≥ 0; a steeper one outside of them, and one root is on that side.
-inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F& lo, F& hi) {
+inline void wall_span(const Atom& atom, const Frame& frame, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
     x[i] = apply(frame.narrow[i], in.p) + atom.centre[i];
@@ -137,7 +155,10 @@ inline Mask wall_span(const Atom& atom, const Frame& frame, const Passage& in, F
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
   lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
   hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
-  return less(magnitude(inside), max(all(atom.graze * atom.graze), touch(atom) * vv)) | less(magnitude(a), 1e-4f * vv);
+  const Mask grazed = in.lanes & (less(magnitude(inside), max(all(atom.graze * atom.graze), touch(atom) * vv)) |
+                                  less(magnitude(a), 1e-4f * vv));
+  if (grazed) [[unlikely]]
+    doubts.add(grazed, all(-kNever), all(kNever));
 }
 
 /// Crossings of a torus: where its quartic along the ray changes sign between the ends of the cell.
@@ -192,8 +213,8 @@ struct Quartic {
   }
 };
 
-/// Lanes of which the torus' interval could not be told are returned as grazed.
-inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, float window, F& lo, F& hi) {
+inline void torus_span(const Atom& atom, const Frame& frame, const Passage& in, float window, Doubts& doubts, F& lo,
+                       F& hi) {
   const F middle = 0.5f * (in.enter + in.exit);
   const F wide = 0.5f * (in.exit - in.enter) + all(4 * window);
   F x[3], v[3];
@@ -218,7 +239,7 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   lo = select(below, all(-kNever), all(kNever));
   hi = select(below, all(kNever), all(-kNever));
   Mask todo = in.lanes & ~(above | below);
-  if (!todo) return 0;
+  if (!todo) return;
   F left = -wide, right = wide;
   Mask told = once & todo, two = 0;
   const Mask rises = less(g.at(-wide), F{});  // starts inside
@@ -239,7 +260,6 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     two = rest & once1 & once2 & less(g.at(lowest), -slack) & ~rises;
     rest &= ~two;
   }
-  Mask grazed = 0;
   // Where it is entered or left, outwards or inwards by what rounding may cost, as long as the slope says so.
   const F outwards = all<float>(atom.negative ? -1 : 1);
   const auto crossing = [&](Mask of, F from, F to, F side) {
@@ -247,7 +267,8 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
             speed = max(magnitude(g.slope(s)), all(1e-20f));
     const F by = (slack + value) / speed;
     rest |= of & (less(slack, value) | less(0.25f * speed, by * magnitude(g.bend(s))));
-    grazed |= of & less(all(0.25f * window), by);
+    if (const Mask grazed = of & less(all(0.5f * window), by))
+      doubts.add(grazed, middle + s - 2.0f * by, middle + s + 2.0f * by);
     return s + side * by;
   };
   if (const Mask entered = (told & ~rises) | two, left_only = told & rises; entered | left_only) {
@@ -261,7 +282,7 @@ inline Mask torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   hi = select(rest, all<float>(atom.negative ? -kNever : kNever), hi);
   lo += middle;
   hi += middle;
-  return grazed | rest;
+  if (rest) doubts.add(rest, all(-kNever), all(kNever));
 }
 
 /// Where an atom lies whose surface is nearer to a ray's start than floats can tell: by its value

@@ -107,36 +107,36 @@ class Walker {
     const Atom* atoms = model_.atoms + cell.first_atom;
     const int count = cell.atoms;
     Spans spans;
-    Mask unsure = 0, grazed = 0;
+    Doubts doubts;
+    Mask unsure = 0;
     for (int i = 0; i < count; ++i) {
       const Atom& atom = atoms[i];
       const Frame& frame = model_.frames[atom.leaf];
       F &lo = spans.lo[i], &hi = spans.hi[i];
-      Mask graze = 0;
       switch (atom.kind) {
         case AtomKind::Ball:
-          graze = ball_span(atom, frame.narrow_shape[0], in, lo, hi);
+          ball_span(atom, frame.narrow_shape[0], in, doubts, lo, hi);
           break;
         case AtomKind::Ellipsoid:
-          graze = round_span<3>(atom, frame.narrow, in, lo, hi);
+          round_span<3>(atom, frame.narrow, in, doubts, lo, hi);
           break;
         case AtomKind::Tube:
-          graze = round_span<2>(atom, frame.narrow, in, lo, hi);
+          round_span<2>(atom, frame.narrow, in, doubts, lo, hi);
           break;
         case AtomKind::SlabX:
-          graze = slab_span(atom, frame.narrow[0], atom.centre[0], in, lo, hi);
+          slab_span(atom, frame.narrow[0], atom.centre[0], in, doubts, lo, hi);
           break;
         case AtomKind::SlabY:
-          graze = slab_span(atom, frame.narrow[1], atom.centre[1], in, lo, hi);
+          slab_span(atom, frame.narrow[1], atom.centre[1], in, doubts, lo, hi);
           break;
         case AtomKind::SlabZ:
-          graze = slab_span(atom, frame.narrow[2], atom.centre[2], in, lo, hi);
+          slab_span(atom, frame.narrow[2], atom.centre[2], in, doubts, lo, hi);
           break;
         case AtomKind::Wall:
-          graze = wall_span(atom, frame, in, lo, hi);
+          wall_span(atom, frame, in, doubts, lo, hi);
           break;
         case AtomKind::Torus:
-          graze = torus_span(atom, frame, in, cell.window, lo, hi);
+          torus_span(atom, frame, in, cell.window, doubts, lo, hi);
           break;
       }
       if (in.near_start) {
@@ -144,7 +144,6 @@ class Walker {
                                            less(magnitude(hi - in.start), 4.0f * window));
         if (near) settle_start(atom, frame, packet_, model_.band, near, lo, hi, unsure);
       }
-      grazed |= graze;
     }
     if (counting) counts_->atoms += static_cast<std::uint64_t>(count) * static_cast<std::uint64_t>(count_of(lanes));
 
@@ -188,7 +187,7 @@ class Walker {
         once |= low | high;
         which = select(low | high, all<std::int32_t>(atoms[i].leaf), which);
       }
-      unsure |= found & (twice | ~once | grazed);
+      unsure |= found & (twice | ~once | doubts.between(from, to_end));
       const F left = packet_.end - nearest - at_boundary;
       unsure |= found & less(left, 4.0f * window);
       const Mask sure = found & ~unsure;

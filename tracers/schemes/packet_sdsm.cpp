@@ -21,7 +21,7 @@ class PacketSdsm final : public Tracer {
   PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, tight, thread_count(limits.threads)),
+        packets_(*tree_, octree_, limits.margin, tight, thread_count(limits.threads)),
         walk_(packets::walk_up_to(level)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
@@ -137,7 +137,7 @@ const SchemeInfo scheme_packet_sdsm{
     .params = packet_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       OctreeLimits limits = OctreeLimits::of(params);
-      limits.margin = packets::kMargin;
+      limits.margin = packets::margin_for(params.numerics().precision);
       const std::string& instructions = params.choice("instructions");
       const int level = instructions == "avx512" ? 4 : instructions == "avx2" ? 3 : 2;
       return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", level);
