@@ -9,6 +9,8 @@
 
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
+#include <utility>
 
 namespace {
 
@@ -110,6 +112,10 @@ inline F select(Mask m, const F& yes, const F& no) {
 inline I select(Mask m, const I& yes, const I& no) {
   return {{(IntRegister)_mm512_mask_blend_epi32(static_cast<__mmask16>(m), (__m512i)no.part[0], (__m512i)yes.part[0])}};
 }
+inline D select(Mask m, const D& yes, const D& no) {
+  return {{_mm512_mask_blend_pd(static_cast<__mmask8>(m), no.part[0], yes.part[0]),
+           _mm512_mask_blend_pd(static_cast<__mmask8>(m >> 8), no.part[1], yes.part[1])}};
+}
 inline F root(const F& a) { return {{_mm512_sqrt_ps(a.part[0])}}; }
 inline D root(const D& a) {
   return each<double>([](auto x) { return _mm512_sqrt_pd(x); }, a);
@@ -136,16 +142,18 @@ inline Mask less(const D& a, const D& b) {
   return out;
 }
 /// All ones in the lanes of a mask.
-inline IntRegister spread(Mask m, int part) {
-  constexpr std::int32_t kBit[] = {1, 2, 4, 8, 16, 32, 64, 128};
-  IntRegister bit;
+template <class Scalar>
+inline auto spread(Mask m, int part) {
+  using Bits = std::conditional_t<sizeof(Scalar) == 4, std::int32_t, std::int64_t>;
+  typename Wide<Bits>::Register bit;
+  constexpr Bits kBit[] = {1, 2, 4, 8, 16, 32, 64, 128};
   std::memcpy(&bit, kBit, sizeof bit);
-  return ((static_cast<std::int32_t>(m >> part * I::kEach) - IntRegister{}) & bit) != 0;
+  return ((static_cast<Bits>(m >> part * Wide<Bits>::kEach) - typename Wide<Bits>::Register{}) & bit) != 0;
 }
 template <class Scalar>
 inline Wide<Scalar> select(Mask m, const Wide<Scalar>& yes, const Wide<Scalar>& no) {
   Wide<Scalar> out;
-  for (int i = 0; i < Wide<Scalar>::kParts; ++i) out.part[i] = spread(m, i) ? yes.part[i] : no.part[i];
+  for (int i = 0; i < Wide<Scalar>::kParts; ++i) out.part[i] = spread<Scalar>(m, i) ? yes.part[i] : no.part[i];
   return out;
 }
 template <class Scalar>
@@ -165,26 +173,50 @@ inline F away_from_zero(const F& a) {
   return each<float>(one, a, max(magnitude(a), all(1e-20f)));
 }
 
+/// Two halves of a register side by side, and each of them again.
+template <int... lane, class Half>
+inline auto joined(std::integer_sequence<int, lane...>, Half low, Half high) {
+  return __builtin_shufflevector(low, high, lane...);
+}
+template <int from, int... lane, class Register>
+inline auto half_of(std::integer_sequence<int, lane...>, Register whole) {
+  return __builtin_shufflevector(whole, whole, (from + lane)...);
+}
+
 inline F narrow(const D& d) {
   using Half = float __attribute__((vector_size(kRegister / 2)));
   F out;
-  for (int i = 0; i < F::kParts; ++i) {
-    const Half half[2] = {__builtin_convertvector(d.part[2 * i], Half),
-                          __builtin_convertvector(d.part[2 * i + 1], Half)};
-    std::memcpy(&out.part[i], half, sizeof half);
-  }
+  for (int i = 0; i < F::kParts; ++i)
+    out.part[i] = joined(std::make_integer_sequence<int, F::kEach>(), __builtin_convertvector(d.part[2 * i], Half),
+                         __builtin_convertvector(d.part[2 * i + 1], Half));
   return out;
 }
 inline D widen(const F& a) {
-  using Half = float __attribute__((vector_size(kRegister / 2)));
+  constexpr std::make_integer_sequence<int, D::kEach> kHalf;
   D out;
   for (int i = 0; i < F::kParts; ++i) {
-    Half half[2];
-    std::memcpy(half, &a.part[i], sizeof half);
-    out.part[2 * i] = __builtin_convertvector(half[0], DoubleRegister);
-    out.part[2 * i + 1] = __builtin_convertvector(half[1], DoubleRegister);
+    out.part[2 * i] = __builtin_convertvector(half_of<0>(kHalf, a.part[i]), DoubleRegister);
+    out.part[2 * i + 1] = __builtin_convertvector(half_of<D::kEach>(kHalf, a.part[i]), DoubleRegister);
   }
   return out;
+}
+
+/// Changes the blocks of `side` rows and columns that stand across the diagonal.
+template <int side, int... lane>
+inline void exchange(std::integer_sequence<int, lane...>, DoubleRegister* row) {
+  constexpr int kSide = D::kEach;
+  for (int i = 0; i < kSide; ++i) {
+    if (i & side) continue;
+    const DoubleRegister a = row[i], b = row[i | side];
+    row[i] = __builtin_shufflevector(a, b, (lane & side ? kSide + (lane ^ side) : lane)...);
+    row[i | side] = __builtin_shufflevector(a, b, (lane & side ? kSide + lane : lane ^ side)...);
+  }
+}
+inline void transpose(DoubleRegister* row) {
+  constexpr std::make_integer_sequence<int, D::kEach> kLane;
+  exchange<1>(kLane, row);
+  if constexpr (D::kEach > 2) exchange<2>(kLane, row);
+  if constexpr (D::kEach > 4) exchange<4>(kLane, row);
 }
 
 inline int count_of(Mask m) { return __builtin_popcount(m); }

@@ -11,8 +11,8 @@ using namespace csg::packets;
 constexpr float kNever = __builtin_inff();
 
 struct Packet {
-  D o[3], d[3];                    // start and unit direction, units
-  F of[3], inverse[3], scaled[3];  // scaled = o·inverse
+  D o[3], d[3];                           // start and unit direction, units
+  F of[3], df[3], inverse[3], scaled[3];  // the same in floats; scaled = o·inverse
   F end;
   Mask in_world;  // not moved to where they enter the world
   Mask far;       // origins beyond Model::near
@@ -335,12 +335,7 @@ inline void settle_start(const Atom& atom, const Frame& frame, const Packet& pac
       break;
     }
   }
-  Mask outside = 0, inside = 0, away = 0;
-  for (int i = 0; i < kLanes; ++i) {
-    outside |= static_cast<Mask>(g[i] > slack[i]) << i;
-    inside |= static_cast<Mask>(g[i] < -slack[i]) << i;
-    away |= static_cast<Mask>(slope[i] >= 0) << i;
-  }
+  const Mask outside = less(slack, g), inside = less(g, -slack), away = ~less(slope, all<double>(0));
   // A torus may be met again, but not in this cell if its one crossing here is the one behind.
   const Mask once = atom.kind == AtomKind::Torus ? less(lo, all(-1e30f)) : 0xffff;
   const Mask left = near & outside & away & once, still_in = near & inside;

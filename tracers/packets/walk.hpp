@@ -14,6 +14,11 @@ namespace {
 /// The membership of each ray at `s`, by the cell's operators.
 inline Mask inside_at(const Atom* atoms, int count, const Operator* operators, int operator_count, const Spans& spans,
                       F s) {
+  if (operator_count == 1) {
+    Mask value = 0;
+    for (int i = 0; i < count; ++i) value |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
+    return value ^ operators[0].flip;
+  }
   std::uint32_t value[kMostOperators];
   for (int i = 0; i < operator_count; ++i) value[i] = 0;
   for (int i = 0; i < count; ++i)
@@ -65,6 +70,14 @@ class Walker {
     }
   }
 
+  /// Where the boundaries are, for rays whose way starts at `start` and takes `units` to a t of 1.
+  void tell(const D& start, const D& units) const {
+    const D t = (t_ + start) / units, t_error = t_error_ / units;
+    std::memcpy(answer_.t, &t, sizeof t);
+    std::memcpy(answer_.t_error, &t_error, sizeof t_error);
+    std::memcpy(answer_.leaf, &leaf_, sizeof leaf_);
+  }
+
  private:
   /// Bit i of a mask of octants to bit i ^ octant.
   static unsigned turned(unsigned octants, int octant) {
@@ -96,7 +109,7 @@ class Walker {
     in.lanes = lanes;
     D to[3], at = all<double>(0);
     for (int i = 0; i < 3; ++i) to[i] = all<double>(cell.centre[i]) - packet_.o[i], at = at + to[i] * packet_.d[i];
-    for (int i = 0; i < 3; ++i) in.p[i] = narrow(at * packet_.d[i] - to[i]), in.d[i] = narrow(packet_.d[i]);
+    for (int i = 0; i < 3; ++i) in.p[i] = narrow(at * packet_.d[i] - to[i]), in.d[i] = packet_.df[i];
     const F nearest = narrow(at);
     in.enter = enter - nearest;
     in.exit = exit - nearest;
@@ -194,13 +207,9 @@ class Walker {
       answer_.hit |= sure;
       limit_ = select(sure, at_boundary + nearest, limit_);
       settled = any ? sure : sure & well_inside(cell, in, at_boundary);
-      const D t = widen(at_boundary) + at;
-      for (Mask m = sure; m; m &= m - 1) {
-        const int i = first_of(m);
-        answer_.t[i] = t[i];
-        answer_.t_error[i] = 4 * static_cast<double>(cell.window);
-        answer_.leaf[i] = which[i];
-      }
+      t_ = select(sure, widen(at_boundary) + at, t_);
+      t_error_ = select(sure, all(4 * static_cast<double>(cell.window)), t_error_);
+      leaf_ = select(sure, which, leaf_);
     }
     answer_.unsure |= unsure;
     active_ &= ~(unsure | settled);
@@ -224,16 +233,25 @@ class Walker {
   Mask active_ = 0;
   int nearer_[3];  // which sides of a box are met first
   F limit_;        // of each ray's way: its end, or a boundary
+  // Of the boundary.
+  D t_ = all<double>(0), t_error_ = all<double>(0);
+  I leaf_ = all<std::int32_t>(0);
 };
 
 /// Sixteen rays from as many lines of eight doubles.
 inline void load(const Rays& rays, D columns[8]) {
-  alignas(64) double transposed[8][kLanes];
-  for (int i = 0; i < kLanes; ++i) {
-    const double* ray = rays.first + 8 * (i < rays.count ? i : 0);
-    for (int j = 0; j < 8; ++j) transposed[j][i] = ray[j];
+  constexpr int kSide = D::kEach;
+  for (int part = 0; part < D::kParts; ++part) {
+    for (int first = 0; first < 8; first += kSide) {
+      DoubleRegister square[kSide];
+      for (int i = 0; i < kSide; ++i) {
+        const int ray = part * kSide + i;
+        std::memcpy(&square[i], rays.first + 8 * (ray < rays.count ? ray : 0) + first, sizeof square[i]);
+      }
+      transpose(square);
+      for (int j = 0; j < kSide; ++j) columns[first + j].part[part] = square[j];
+    }
   }
-  std::memcpy(columns, transposed, sizeof transposed);
 }
 
 template <bool any, bool counting>
@@ -260,7 +278,8 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   for (int axis = 0; axis < 3; ++axis) {
     packet.o[axis] = packet.o[axis] + start * packet.d[axis];
     packet.of[axis] = narrow(packet.o[axis]);
-    packet.inverse[axis] = 1.0f / away_from_zero(narrow(packet.d[axis]));
+    packet.df[axis] = narrow(packet.d[axis]);
+    packet.inverse[axis] = 1.0f / away_from_zero(packet.df[axis]);
     packet.scaled[axis] = packet.of[axis] * packet.inverse[axis];
   }
   packet.end = narrow(end);
@@ -284,11 +303,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     todo &= ~alike;
   }
   answer.hit &= ~answer.unsure;
-  for (Mask m = answer.hit; m; m &= m - 1) {
-    const int i = first_of(m);
-    answer.t[i] = (answer.t[i] + start[i]) / units[i];
-    answer.t_error[i] /= units[i];
-  }
+  if (!any) walker.tell(start, units);
 }
 
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {
