@@ -82,7 +82,7 @@ struct Rays {
 /// One bit a ray. Those in neither mask have no boundary.
 struct Answer {
   std::uint32_t hit, unsure;
-  double t[16];  ///< of `hit`: near the crossing, by less than t_error
+  double t[16];  ///< of `hit`: near the crossing, by less than t_error; of `unsure`: there is no boundary before
   double t_error[16];
   std::int32_t leaf[16];  ///< of `hit`: the leaf that is crossed
 };

@@ -70,7 +70,7 @@ class Walker {
     }
   }
 
-  /// Where the boundaries are, for rays whose way starts at `start` and takes `units` to a t of 1.
+  /// Where boundaries are, or may be, for rays whose way starts at `start` and takes `units` to a t of 1.
   void tell(const D& start, const D& units) const {
     const D t = (t_ + start) / units, t_error = t_error_ / units;
     std::memcpy(answer_.t, &t, sizeof t);
@@ -100,11 +100,8 @@ class Walker {
 
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
-    if (!cell.trusted) {
-      answer_.unsure |= lanes;
-      active_ &= ~lanes;
-      return;
-    }
+    const F window = all(cell.window);
+    if (!cell.trusted) return doubt(cell, lanes, enter, exit);
     Passage in;
     in.lanes = lanes;
     D to[3], at = all<double>(0);
@@ -114,7 +111,6 @@ class Walker {
     in.enter = enter - nearest;
     in.exit = exit - nearest;
     in.start = -nearest;
-    const F window = all(cell.window);
     in.near_start = lanes & packet_.in_world & less(enter, window);
 
     const Atom* atoms = model_.atoms + cell.first_atom;
@@ -211,8 +207,24 @@ class Walker {
       t_error_ = select(sure, all(4 * static_cast<double>(cell.window)), t_error_);
       leaf_ = select(sure, which, leaf_);
     }
-    answer_.unsure |= unsure;
-    active_ &= ~(unsure | settled);
+    active_ &= ~settled;
+    if (unsure) doubt(cell, unsure, enter, exit);
+  }
+
+  /// Leaves rays to the scalar search, which may start a little before they enter the cell: where they pass through
+  /// what is truly the cell's, not its margin alone, all that is before has been searched.
+  void doubt(const Cell& cell, Mask lanes, F enter, F exit) {
+    answer_.unsure |= lanes;
+    active_ &= ~lanes;
+    const F from = enter - 4.0f * cell.window;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto centre = static_cast<float>(cell.centre[axis]);
+      const float least = centre + (cell.lo[axis] + cell.window), most = centre + (cell.hi[axis] - cell.window);
+      const bool down = nearer_[axis] > axis;
+      enter = max(enter, (down ? most : least) * packet_.inverse[axis] - packet_.scaled[axis]);
+      exit = min(exit, (down ? least : most) * packet_.inverse[axis] - packet_.scaled[axis]);
+    }
+    t_ = select(lanes, widen(select(less(enter, exit), from, all(-kNever))), t_);
   }
 
   /// Cells come in the order of the ray, but not their margins: where a ray runs along a wall, the margin of one
@@ -233,7 +245,7 @@ class Walker {
   Mask active_ = 0;
   int nearer_[3];  // which sides of a box are met first
   F limit_;        // of each ray's way: its end, or a boundary
-  // Of the boundary.
+  // Of the boundary; where a ray is in doubt, t is before any.
   D t_ = all<double>(0), t_error_ = all<double>(0);
   I leaf_ = all<std::int32_t>(0);
 };
@@ -303,7 +315,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     todo &= ~alike;
   }
   answer.hit &= ~answer.unsure;
-  if (!any) walker.tell(start, units);
+  if (!any || answer.unsure) walker.tell(start, units);
 }
 
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {

@@ -32,6 +32,11 @@ class PacketSdsm final : public Tracer {
   }
 
  private:
+  struct Unsure {
+    std::size_t ray;
+    double from;  ///< its t before which there is no boundary
+  };
+
   /// Calls `answered(first, answer)` for each packet, whose `first` ray is given.
   template <class Answered>
   void in_packets(std::span<const Ray> rays, bool any, Counters* counters, Answered answered) const {
@@ -53,36 +58,42 @@ class PacketSdsm final : public Tracer {
   }
 
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
-    std::vector<std::size_t> unsure;
+    std::vector<Unsure> unsure;
     in_packets(rays, false, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
       for (int i = 0; i < count; ++i) {
         const std::size_t at = first + static_cast<std::size_t>(i);
         hits[at] = {};
         if (answer.hit >> i & 1 && settle(rays[at], answer, i, hits[at])) continue;
-        if ((answer.hit | answer.unsure) >> i & 1) unsure.push_back(at);
+        if (answer.hit >> i & 1)
+          unsure.push_back({at, -kInfinity});
+        else if (answer.unsure >> i & 1)
+          unsure.push_back({at, answer.t[i]});
       }
       if (counters) counters->primitives_tested += static_cast<std::uint64_t>(std::popcount(answer.hit));
     });
     const std::vector<Hit> found = search(rays, unsure, counters);
-    for (std::size_t i = 0; i < unsure.size(); ++i) hits[unsure[i]] = found[i];
+    for (std::size_t i = 0; i < unsure.size(); ++i) hits[unsure[i].ray] = found[i];
   }
 
   void occluded_batch(std::span<const Ray> rays, std::span<std::uint8_t> blocked, Counters* counters) const override {
-    std::vector<std::size_t> unsure;
+    std::vector<Unsure> unsure;
     in_packets(rays, true, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
       for (int i = 0; i < count; ++i) {
         blocked[first + static_cast<std::size_t>(i)] = answer.hit >> i & 1;
-        if (answer.unsure >> i & 1) unsure.push_back(first + static_cast<std::size_t>(i));
+        if (answer.unsure >> i & 1) unsure.push_back({first + static_cast<std::size_t>(i), answer.t[i]});
       }
     });
     const std::vector<Hit> found = search(rays, unsure, counters);
-    for (std::size_t i = 0; i < unsure.size(); ++i) blocked[unsure[i]] = found[i].leaf >= 0;
+    for (std::size_t i = 0; i < unsure.size(); ++i) blocked[unsure[i].ray] = found[i].leaf >= 0;
   }
 
-  /// What the scalar search says of some of the rays.
-  std::vector<Hit> search(std::span<const Ray> rays, const std::vector<std::size_t>& which, Counters* counters) const {
+  /// What the scalar search says of rays that floats are not sure of.
+  std::vector<Hit> search(std::span<const Ray> rays, const std::vector<Unsure>& unsure, Counters* counters) const {
     std::vector<Ray> again;
-    for (const std::size_t i : which) again.push_back(rays[i]);
+    for (const Unsure& one : unsure) {
+      again.push_back(rays[one.ray]);
+      again.back().t_min = std::max(again.back().t_min, one.from);
+    }
     std::vector<Hit> found(again.size());
     trace_cells(*tree_, octree_.world(), octree_, again, found, counters,
                 [&](auto&&... along) { octree_.walk(along...); });
