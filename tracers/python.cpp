@@ -52,12 +52,13 @@ nb::object array(std::initializer_list<std::size_t> shape, Fill fill) {
   return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
 }
 
-template <class T>
-nb::object copied(const std::vector<T>& from, std::initializer_list<std::size_t> shape) {
+template <class T, class Memory>
+nb::object copied(const std::vector<T, Memory>& from, std::initializer_list<std::size_t> shape) {
   return array<T>(shape, [&](T* out) { std::copy(from.begin(), from.end(), out); });
 }
 
-nb::object copied(const std::vector<Vec3>& from, std::initializer_list<std::size_t> shape) {
+template <class Memory>
+nb::object copied(const std::vector<Vec3, Memory>& from, std::initializer_list<std::size_t> shape) {
   return array<double>(shape, [&](double* out) {
     for (const Vec3& v : from) *out++ = v.x, *out++ = v.y, *out++ = v.z;
   });

@@ -2,6 +2,8 @@
 // directions have extreme lengths.
 #include "tracer.hpp"
 
+#include <bit>
+
 #include "error_unit.hpp"
 #include "slab.hpp"
 
@@ -15,13 +17,22 @@ bool is_ray(const Ray& ray) {
          !std::isnan(ray.t_min) && !std::isnan(ray.t_max);
 }
 
-/// Whether a ray is as schemes want it: near, with a direction whose squares and quotients are in range. All that
-/// preparing it would do is to scale it by a power of two.
-bool is_ready(const Ray& ray, double farthest_squared) {
-  const auto in_range = [](double x) { return x == 0 || (std::fabs(x) >= 0x1p-32 && std::fabs(x) <= 0x1p32); };
-  return in_range(ray.dir.x) && in_range(ray.dir.y) && in_range(ray.dir.z) &&
-         (ray.dir.x != 0 || ray.dir.y != 0 || ray.dir.z != 0) && dot(ray.origin, ray.origin) <= farthest_squared &&
-         !std::isnan(ray.t_min) && !std::isnan(ray.t_max);
+/// Bits that are in the order of |x|; NaN is above all.
+std::uint64_t magnitude(double x) { return std::bit_cast<std::uint64_t>(std::fabs(x)); }
+
+/// Whether rays are as schemes want them: near, with directions whose squares and quotients are in range. All that
+/// preparing them would do is to scale them by a power of two. Every ray comes by here: there are no branches.
+bool are_ready(std::span<const Ray> rays, double farthest) {
+  const std::uint64_t least = magnitude(0x1p-32), most = magnitude(0x1p32);
+  bool ready = true;
+  for (const Ray& ray : rays) {
+    const std::uint64_t x = magnitude(ray.dir.x), y = magnitude(ray.dir.y), z = magnitude(ray.dir.z);
+    const std::uint64_t largest = std::max({x, y, z});
+    const std::uint64_t smallest = std::min({x - 1, y - 1, z - 1});  // what is 0 becomes largest: it may be
+    ready &= (largest >= least) & (largest <= most) & (smallest >= least - 1) &
+             (dot(ray.origin, ray.origin) <= farthest * farthest) & !std::isunordered(ray.t_min, ray.t_max);
+  }
+  return ready;
 }
 
 /// A ray as schemes get it, and the way back: t = (t' + shift)·2^exponent.
@@ -74,13 +85,12 @@ Prepared prepare(const CsgTree& tree, const Ray& given) {
 template <class Batch>
 void in_chunks(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
   constexpr std::size_t kChunk = 1024;
-  const double farthest = tree.tolerances().farthest_origin();
   std::vector<Prepared> prepared;
   std::vector<Ray> ready;
   for (std::size_t begin = 0; begin < rays.size(); begin += kChunk) {
     const std::span<const Ray> chunk = rays.subspan(begin, std::min(kChunk, rays.size() - begin));
     prepared.clear();
-    if (std::ranges::all_of(chunk, [&](const Ray& ray) { return is_ready(ray, farthest * farthest); })) {
+    if (are_ready(chunk, tree.tolerances().farthest_origin())) {
       batch(begin, chunk, prepared);
       continue;
     }

@@ -9,20 +9,16 @@ namespace {
 
 constexpr int kTile = 32, kBlock = 4;
 
-struct Pixel {
-  int column, row;
-};
-
-/// The pixels of the tile at (x0, y0), block by block, so that neighbours stand together.
-void tile_pixels(const View& view, int x0, int y0, std::vector<Pixel>& out) {
-  out.clear();
+/// Calls `visit(column, row)` for the tile at (x0, y0), block by block, so that neighbours stand together.
+template <class Visit>
+void for_each_pixel(const View& view, int x0, int y0, Visit visit) {
   for (int y = y0; y < std::min(y0 + kTile, view.height); y += kBlock)
     for (int x = x0; x < std::min(x0 + kTile, view.width); x += kBlock)
       for (int row = y; row < std::min(y + kBlock, view.height); ++row)
-        for (int column = x; column < std::min(x + kBlock, view.width); ++column) out.push_back({column, row});
+        for (int column = x; column < std::min(x + kBlock, view.width); ++column) visit(column, row);
 }
 
-Picture blank(const View& view, bool per_pixel_cost) {
+Picture undrawn(const View& view, bool per_pixel_cost) {
   const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
   Picture picture;
   picture.width = view.width;
@@ -40,11 +36,16 @@ Picture blank(const View& view, bool per_pixel_cost) {
 class TileRenderer {
  public:
   TileRenderer(const Tracer& tracer, const View& view, Picture& picture, bool count)
-      : tracer_(tracer), view_(view), camera_(view), picture_(picture), count_(count) {}
+      : tracer_(tracer),
+        view_(view),
+        camera_(view),
+        picture_(picture),
+        count_(count),
+        shadow_offset_(tracer.tree().tolerances().shadow_offset(view.eye)) {}
 
+  /// Writes every pixel of the tile, whatever the picture held there.
   void draw(int x, int y) {
-    tile_pixels(view_, x, y, pixels_);
-    primary();
+    primary(x, y);
     for (std::size_t light = 0; light < view_.lights.size(); ++light) shadows(light);
   }
 
@@ -52,9 +53,6 @@ class TileRenderer {
   const Counters& counted() const { return counted_; }
 
  private:
-  std::size_t index(const Pixel& p) const {
-    return static_cast<std::size_t>(p.row) * static_cast<std::size_t>(view_.width) + static_cast<std::size_t>(p.column);
-  }
   Vec3 albedo(std::int32_t leaf) const {
     const Leaf& on = tracer_.tree().leaves()[static_cast<std::size_t>(leaf)];
     return on.has_color ? Vec3{on.color[0], on.color[1], on.color[2]} : view_.albedo;
@@ -62,36 +60,48 @@ class TileRenderer {
 
   Counters* counters() { return count_ ? &counted_ : nullptr; }
 
-  /// Calls `batch(begin, count)` for all rays at once, or ray by ray with the cost noted per pixel.
-  template <class Batch>
-  void costed(std::size_t rays, const std::vector<std::size_t>& pixel_of_ray, Batch batch) {
+  /// Calls `batch(begin, count)` for all rays at once, or ray by ray with the cost noted for `pixel_of_ray(ray)`.
+  template <class PixelOfRay, class Batch>
+  void costed(std::size_t rays, PixelOfRay pixel_of_ray, Batch batch) {
     rays_traced_ += rays;
     if (picture_.cost.empty()) return batch(std::size_t{0}, rays);
     for (std::size_t i = 0; i < rays; ++i) {
       const std::uint64_t before = counted_.primitives_tested;
       batch(i, std::size_t{1});
-      picture_.cost[pixel_of_ray[i]] += static_cast<double>(counted_.primitives_tested - before);
+      picture_.cost[pixel_of_ray(i)] += static_cast<double>(counted_.primitives_tested - before);
     }
   }
 
-  void primary() {
-    rays_.clear();
-    pixel_of_ray_.clear();
-    for (const Pixel& p : pixels_) {
-      rays_.push_back(camera_.ray(p.column, p.row));
-      pixel_of_ray_.push_back(index(p));
-    }
-    hits_.resize(rays_.size());
-    costed(rays_.size(), pixel_of_ray_, [&](std::size_t begin, std::size_t count) {
-      tracer_.trace(std::span(rays_).subspan(begin, count), std::span(hits_).subspan(begin, count), counters());
+  void primary(int x, int y) {
+    rays_.resize(kTile * kTile);
+    pixels_.resize(rays_.size());
+    std::size_t count = 0;
+    for_each_pixel(view_, x, y, [&](int column, int row) {
+      const std::size_t pixel =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(view_.width) + static_cast<std::size_t>(column);
+      // What will be written comes from afar while the rays are traced.
+      __builtin_prefetch(&picture_.rgb[pixel], 1);
+      __builtin_prefetch(&picture_.depth[pixel], 1);
+      __builtin_prefetch(&picture_.normal[pixel], 1);
+      __builtin_prefetch(&picture_.leaf[pixel], 1);
+      pixels_[count] = pixel;
+      rays_[count++] = camera_.ray(column, row);
     });
+    hits_.resize(rays_.size());
+    costed(
+        count, [&](std::size_t i) { return pixels_[i]; },
+        [&](std::size_t begin, std::size_t rays) {
+          tracer_.trace({&rays_[begin], rays}, {&hits_[begin], rays}, counters());
+        });
     lit_.clear();
-    for (std::size_t i = 0; i < rays_.size(); ++i) {
-      const std::size_t pixel = pixel_of_ray_[i];
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::size_t pixel = pixels_[i];
       const Hit& hit = hits_[i];
       picture_.depth[pixel] = hit.t;
       picture_.leaf[pixel] = hit.leaf;
+      picture_.lit[pixel] = 0;
       if (hit.leaf < 0) {
+        picture_.normal[pixel] = {};
         picture_.rgb[pixel] = view_.background;
         continue;
       }
@@ -101,29 +111,31 @@ class TileRenderer {
       // The side of the surface that the viewer sees; a shadow ray starts there (rule 12).
       const Vec3 seen = dot(hit.normal, rays_[i].dir) > 0 ? -hit.normal : hit.normal;
       const Vec3 point = rays_[i].origin + hit.t * rays_[i].dir;
-      lit_.push_back({pixel, color, seen, point + tracer_.tree().tolerances().shadow_offset(rays_[i].origin) * seen});
+      lit_.push_back({pixel, color, seen, point + shadow_offset_ * seen});
     }
   }
 
   void shadows(std::size_t number) {
     const Light& light = view_.lights[number];
-    rays_.clear();
-    pixel_of_ray_.clear();
-    facing_.clear();
-    for (std::size_t i = 0; i < lit_.size(); ++i) {
-      const Vec3 to_light = light.position - lit_[i].start;
-      if (!(dot(lit_[i].normal, to_light) > 0)) continue;
-      rays_.push_back({lit_[i].start, to_light, 0, 1});
-      pixel_of_ray_.push_back(lit_[i].pixel);
-      facing_.push_back(i);
+    rays_.resize(kTile * kTile);
+    facing_.resize(rays_.size());
+    std::size_t count = 0;
+    for (const Surface& at : lit_) {
+      const Vec3 to_light = light.position - at.start;
+      // Written in any case and counted if it faces the light, which no branch would foresee.
+      rays_[count] = {at.start, to_light, 0, 1};
+      facing_[count] = &at;
+      count += dot(at.normal, to_light) > 0;
     }
     blocked_.resize(rays_.size());
-    costed(rays_.size(), pixel_of_ray_, [&](std::size_t begin, std::size_t count) {
-      tracer_.occluded(std::span(rays_).subspan(begin, count), std::span(blocked_).subspan(begin, count), counters());
-    });
-    for (std::size_t i = 0; i < rays_.size(); ++i) {
+    costed(
+        count, [&](std::size_t i) { return facing_[i]->pixel; },
+        [&](std::size_t begin, std::size_t rays) {
+          tracer_.occluded({&rays_[begin], rays}, {&blocked_[begin], rays}, counters());
+        });
+    for (std::size_t i = 0; i < count; ++i) {
       if (blocked_[i]) continue;
-      const Surface& at = lit_[facing_[i]];
+      const Surface& at = *facing_[i];
       const double cosine = dot(at.normal, rays_[i].dir) / length(rays_[i].dir);
       picture_.lit[at.pixel] = static_cast<std::uint8_t>(picture_.lit[at.pixel] | 1u << number);
       Vec3& rgb = picture_.rgb[at.pixel];
@@ -141,14 +153,15 @@ class TileRenderer {
   Camera camera_;
   Picture& picture_;
   bool count_;
+  double shadow_offset_;
   Counters counted_;
   std::uint64_t rays_traced_ = 0;
-  std::vector<Pixel> pixels_;
+  std::vector<std::size_t> pixels_;
   std::vector<Ray> rays_;
   std::vector<Hit> hits_;
   std::vector<std::uint8_t> blocked_;
   std::vector<Surface> lit_;
-  std::vector<std::size_t> pixel_of_ray_, facing_;
+  std::vector<const Surface*> facing_;
 };
 
 }  // namespace
@@ -167,7 +180,7 @@ std::uint64_t Picture::hash() const {
 
 Picture render(const Tracer& tracer, const View& view, Counters* counters, bool per_pixel_cost, int threads) {
   if (view.lights.size() > 8) throw std::invalid_argument("view: at most 8 lights");
-  Picture picture = blank(view, per_pixel_cost);
+  Picture picture = undrawn(view, per_pixel_cost);
   const int columns = (view.width + kTile - 1) / kTile, rows = (view.height + kTile - 1) / kTile;
   std::vector<TileRenderer> renderers(static_cast<std::size_t>(std::clamp(threads, 1, columns * rows)),
                                       TileRenderer(tracer, view, picture, counters != nullptr));

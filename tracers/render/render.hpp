@@ -3,20 +3,20 @@
 #include <cstdint>
 #include <vector>
 
+#include "plane.hpp"
 #include "view.hpp"
 
 namespace csg {
 
-/// Planes of height × width pixels, row by row from the top.
 struct Picture {
   int width = 0, height = 0;
-  std::vector<Vec3> rgb;           ///< linear
-  std::vector<double> depth;       ///< from the eye along the ray, +inf where nothing is hit
-  std::vector<Vec3> normal;        ///< out of the solid, 0 where nothing is hit
-  std::vector<std::int32_t> leaf;  ///< −1 where nothing is hit
-  std::vector<std::uint8_t> lit;   ///< bit i: light i faces the surface and reaches it
-  std::vector<double> cost;        ///< primitives tested for the pixel; only if asked for
-  std::uint64_t rays = 0;          ///< primary and shadow
+  Plane<Vec3> rgb;           ///< linear
+  Plane<double> depth;       ///< from the eye along the ray, +inf where nothing is hit
+  Plane<Vec3> normal;        ///< out of the solid, 0 where nothing is hit
+  Plane<std::int32_t> leaf;  ///< −1 where nothing is hit
+  Plane<std::uint8_t> lit;   ///< bit i: light i faces the surface and reaches it
+  std::vector<double> cost;  ///< primitives tested for the pixel; only if asked for
+  std::uint64_t rays = 0;    ///< primary and shadow
 
   /// FNV-1a over the bits of depth, leaf and lit: equal for all exact schemes.
   std::uint64_t hash() const;

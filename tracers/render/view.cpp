@@ -19,9 +19,4 @@ Camera::Camera(const View& view) : eye_(view.eye), half_width_(view.width / 2.0)
   down_ = pixel * down_;
 }
 
-Ray Camera::ray(int column, int row) const {
-  const Vec3 dir = forward_ + (column + 0.5 - half_width_) * right_ + (row + 0.5 - half_height_) * down_;
-  return {eye_, (1 / length(dir)) * dir, 0, kInfinity};
-}
-
 }  // namespace csg

@@ -26,7 +26,10 @@ class Camera {
  public:
   /// Throws std::invalid_argument if the view is degenerate.
   explicit Camera(const View& view);
-  Ray ray(int column, int row) const;
+  Ray ray(int column, int row) const {
+    const Vec3 dir = forward_ + (column + 0.5 - half_width_) * right_ + (row + 0.5 - half_height_) * down_;
+    return {eye_, (1 / length(dir)) * dir, 0, kInfinity};
+  }
 
  private:
   Vec3 eye_, forward_, right_, down_;  // right_ and down_ span a pixel's width and height at |forward| = 1
