@@ -14,7 +14,7 @@ EXPLAINED = {
     ("primitives/torus.hpp", "0x1p-16"): "of Newton's step: when the next one is exact to rounding",
     ("primitives/torus.hpp", "0.0133598"): "a coefficient of a polynomial that fits a cosine",
     ("bench/kernels.cpp", "0x1p-20"): "of the radius: how near the benchmark's lines graze",
-    ("packets/walk.hpp", "0x1p-46"): "of a torus whose major radius is 1: rounding in double",
+    ("packets/spans.hpp", "0x1p-46"): "of a torus whose major radius is 1: rounding in double",
     ("packets/build.cpp", "0x1p-48"): "of the leaf, whose size is 1 there: rounding in double",
     ("packets/build.cpp", "0x1p-8"): "of the leaf, too: a float wrong by more is not asked",
     ("packets/build.hpp", "0x1p-4"): "of half a cell's side: the margin of what a tree holds for",
