@@ -349,13 +349,64 @@ class NodeMaker {
   std::vector<Node>& nodes_;
 };
 
+/// The boxes of each divided node's octants side by side; nodes stand in the order in which they are met.
+class Widener {
+ public:
+  Widener(std::span<const Node> nodes, std::vector<WideNode>& wide) : nodes_(nodes), wide_(wide) {
+    const Node& root = nodes_[0];
+    if (root.octants != 0)
+      widen(root);
+    else
+      put(root, 0, wide_[add()]);
+  }
+
+ private:
+  std::size_t add() {
+    WideNode none{};
+    for (int axis = 0; axis < 3; ++axis) {
+      std::ranges::fill(none.side[axis], std::numeric_limits<float>::infinity());
+      std::ranges::fill(none.side[3 + axis], -std::numeric_limits<float>::infinity());
+    }
+    wide_.push_back(none);
+    return wide_.size() - 1;
+  }
+
+  static void put(const Node& node, int slot, WideNode& in) {
+    for (int side = 0; side < 6; ++side) in.side[side][slot] = node.side[side];
+    in.link[slot] = ~node.link;
+  }
+
+  std::int32_t widen(const Node& node) {
+    const std::size_t at = add();
+    auto child = static_cast<std::size_t>(node.link);
+    for (int octant = 0; octant < 8; ++octant) {
+      if (!(node.octants >> octant & 1)) continue;
+      const Node& in = nodes_[child++];
+      put(in, octant, wide_[at]);
+      if (in.octants != 0) {
+        const std::int32_t link = widen(in);
+        wide_[at].link[octant] = link;
+      }
+    }
+    return static_cast<std::int32_t>(at);
+  }
+
+  std::span<const Node> nodes_;
+  std::vector<WideNode>& wide_;
+};
+
 }  // namespace
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight, std::size_t threads) {
+Structure::Structure(const CsgTree& tree, const Octree& octree, bool tight, Together together, std::size_t threads) {
   if (tree.world().empty()) return;
   build(tree, octree, tight, threads);
+  if (together == Together::One && !nodes_.empty()) {
+    Widener(nodes_, wide_);
+    nodes_ = {};
+    wide_.shrink_to_fit();
+  }
   cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
-  model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
+  model_.nodes = nodes_.data(), model_.wide = wide_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
   model_.operators = operators_.data(), model_.frames = frames_.data();
 }
 
@@ -403,8 +454,8 @@ void Structure::build(const CsgTree& tree, const Octree& octree, bool tight, std
 }
 
 std::size_t Structure::bytes() const {
-  return nodes_.size() * sizeof(Node) + cells_.size() * sizeof(Cell) + atoms_.size() * sizeof(Atom) +
-         operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
+  return nodes_.size() * sizeof(Node) + wide_.size() * sizeof(WideNode) + cells_.size() * sizeof(Cell) +
+         atoms_.size() * sizeof(Atom) + operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
 }
 
 void Structure::describe(std::map<std::string, double>& facts) const {

@@ -1,5 +1,6 @@
-// Packets of sixteen rays through the boxes and cells of a PacketModel. Compiled for each instruction set;
-// nothing here but the entry has external linkage.
+// Packets of sixteen rays through the boxes and cells of a PacketModel, and what becomes of a ray in a cell, which
+// is the same for rays one at a time (walk_one.hpp). Compiled for each instruction set; nothing here but the entry
+// has external linkage.
 //
 // Floats find where a ray first passes into the solid, and say what they are sure of. They bound the
 // solid from outside: atoms that add to it are grown by their rounding, those that it is cut by are
@@ -65,7 +66,7 @@ class Walker {
     }
   }
 
- private:
+ protected:
   /// Bit i of a mask of octants to bit i ^ octant.
   static unsigned turned(unsigned octants, int octant) {
     if (octant & 1) octants = (octants & 0x55) << 1 | (octants & 0xaa) >> 1;
@@ -227,7 +228,7 @@ class Walker {
   F limit_;        // of each ray's way: its end, or a boundary
 };
 
-/// Sixteen rays from as many lines of eight doubles.
+/// Rays from as many lines of eight doubles.
 inline void load(const Rays& rays, D columns[8]) {
   alignas(64) double transposed[8][kLanes];
   for (int i = 0; i < kLanes; ++i) {
@@ -237,11 +238,15 @@ inline void load(const Rays& rays, D columns[8]) {
   std::memcpy(columns, transposed, sizeof transposed);
 }
 
-template <bool any, bool counting>
-void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
+/// Where rays start and how fast they are, in units; those that are not `valid` end before.
+struct Start {
+  D at, speed;
+  Mask valid;
+};
+
+inline Start set_out(const Model& model, const Rays& rays, Packet& packet) {
   D column[8];
   load(rays, column);
-  Packet packet;
   const D dd = column[3] * column[3] + column[4] * column[4] + column[5] * column[5];
   const D speed = root(dd), per_speed = all<double>(1) / speed;
   D along = all<double>(0);
@@ -257,7 +262,6 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   const D from = column[6] * units, enter = all<double>(-model.radius) - along;
   const D start = max(from, enter), end = column[7] * units - start;
   const double near = model.near / model.per_unit;
-  const Mask valid = less(column[6], column[7]) & ((1u << rays.count) - 1);
   for (int axis = 0; axis < 3; ++axis) {
     packet.o[axis] = packet.o[axis] + start * packet.d[axis];
     packet.of[axis] = narrow(packet.o[axis]);
@@ -267,12 +271,28 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   packet.end = narrow(end);
   packet.in_world = ~less(from, enter);
   packet.far = less(all<double>(near * near), distance);
+  return {start, units, less(column[6], column[7]) & ((1u << rays.count) - 1)};
+}
 
+/// Of the rays that have a boundary: what is unsure is none, and t in units of the rays' own.
+inline void arrive(const Start& start, Answer& answer) {
+  answer.hit &= ~answer.unsure;
+  for (Mask m = answer.hit; m; m &= m - 1) {
+    const int i = first_of(m);
+    answer.t[i] = (answer.t[i] + start.at[i]) / start.speed[i];
+    answer.t_error[i] /= start.speed[i];
+  }
+}
+
+template <bool any, bool counting>
+void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
+  Packet packet;
+  const Start start = set_out(model, rays, packet);
   answer.hit = answer.unsure = 0;
   Walker<any, counting> walker(model, packet, answer, counts);
   Mask down[3];
   for (int axis = 0; axis < 3; ++axis) down[axis] = less(packet.inverse[axis], F{});
-  for (Mask todo = valid; todo;) {
+  for (Mask todo = start.valid; todo;) {
     const int i = first_of(todo);
     int octant = 0;
     Mask alike = todo;
@@ -284,12 +304,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     walker.walk(alike, octant);
     todo &= ~alike;
   }
-  answer.hit &= ~answer.unsure;
-  for (Mask m = answer.hit; m; m &= m - 1) {
-    const int i = first_of(m);
-    answer.t[i] = (answer.t[i] + start[i]) / units[i];
-    answer.t_error[i] /= units[i];
-  }
+  arrive(start, answer);
 }
 
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {

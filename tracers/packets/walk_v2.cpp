@@ -1,4 +1,5 @@
 // The walk for x86-64-v2.
+#include "lanes.hpp"
 #include "walk.hpp"
 
 namespace csg::packets {
