@@ -159,7 +159,7 @@ class Structure::CellMaker {
     std::vector<Made> made(tree.size());
     std::vector<Operator> operators;
     const auto add_operator = [&](std::uint16_t parent, bool flip) {
-      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0)});
+      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0), 0});
       return static_cast<std::uint16_t>(operators.size() - 1);
     };
     for (std::size_t i = 0; i < tree.size() && cell.trusted; ++i) {
@@ -199,10 +199,15 @@ class Structure::CellMaker {
       out_->atoms.resize(cell.first_atom);
       return cell;
     }
-    for (std::size_t i = cell.first_atom; i < out_->atoms.size(); ++i)
-      out_->atoms[i].parent = static_cast<std::uint16_t>(last - out_->atoms[i].parent);
+    for (std::size_t i = 0; i < cell.atoms; ++i) {
+      Atom& atom = out_->atoms[cell.first_atom + i];
+      operators[atom.parent].atoms |= std::uint64_t{1} << i;
+      cell.flipped |= std::uint64_t{atom.flip != 0} << i;
+      cell.negative |= std::uint64_t{atom.negative} << i;
+      atom.parent = static_cast<std::uint16_t>(last - atom.parent);
+    }
     for (std::size_t i = operators.size(); i-- > 0;)
-      out_->operators.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip});
+      out_->operators.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip, operators[i].atoms});
     return cell;
   }
 

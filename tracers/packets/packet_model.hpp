@@ -51,6 +51,7 @@ struct Atom {
 /// operator is the root, whose parent is itself.
 struct Operator {
   std::uint16_t parent, flip;
+  std::uint64_t atoms;  ///< that are operands of it, one bit each
 };
 
 struct Cell {
@@ -58,6 +59,7 @@ struct Cell {
   float lo[3], hi[3];  ///< of the octree's cell, from the centre of what it was shrunk to
   std::uint32_t first_atom, first_operator;
   std::uint16_t atoms, operators;
+  std::uint64_t flipped, negative;  ///< one bit an atom
   float window;  ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
   bool trusted;  ///< whether floats can tell anything here
 };

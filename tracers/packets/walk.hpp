@@ -7,21 +7,10 @@
 // shrunk, so that a ray that misses the bound surely misses. Where it enters the bound, the true
 // boundary lies within the window W behind, if no other atom is crossed near there and the surface is not
 // grazed. Else the ray is `unsure`, and is traced again by the scalar search.
+// After membership.hpp or membership_one.hpp.
 #pragma once
-#include "spans.hpp"
 
 namespace {
-
-/// The membership of each ray at `s`, by the cell's operators.
-inline Mask inside_at(const Atom* atoms, int count, const Operator* operators, int operator_count, const Spans& spans,
-                      F s) {
-  std::uint32_t value[kMostOperators];
-  for (int i = 0; i < operator_count; ++i) value[i] = 0;
-  for (int i = 0; i < count; ++i)
-    value[atoms[i].parent] |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
-  for (int i = 0; i + 1 < operator_count; ++i) value[operators[i].parent] |= value[i] ^ operators[i].flip;
-  return value[operator_count - 1] ^ operators[operator_count - 1].flip;
-}
 
 template <bool any, bool counting>
 class Walker {
@@ -153,7 +142,7 @@ class Walker {
     const auto inside = [&](F s, Mask of) {
       if (counting)
         counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
-      return inside_at(atoms, count, operators, cell.operators, spans, s);
+      return inside_at(cell, atoms, operators, spans, s);
     };
     F s = in.enter;
     unsure |= inside(s, lanes);
@@ -161,12 +150,7 @@ class Walker {
     const F last = in.exit + window;
     F at_boundary = s;
     while (todo) {
-      // The next crossing by which the solid may grow.
-      F next = all(kNever);
-      for (int i = 0; i < count; ++i) {
-        const F event = atoms[i].negative ? spans.hi[i] : spans.lo[i];
-        next = select(less(s, event), min(next, event), next);
-      }
+      const F next = next_growth(cell, atoms, spans, s);
       todo &= at_most(next, last);
       if (!todo) break;
       s = select(todo, next, s);

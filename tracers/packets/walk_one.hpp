@@ -1,30 +1,11 @@
 // One ray at a time through the same boxes and cells: eight boxes are tested at once. What is found in a cell, and
 // how sure of it floats are, is walk.hpp's.
 #pragma once
-#include "lane.hpp"
+#include "eight.hpp"
+#include "membership_one.hpp"
 #include "walk.hpp"
 
 namespace {
-
-using Eight = float __attribute__((vector_size(32)));
-using EightInts = std::int32_t __attribute__((vector_size(32)));
-
-inline Eight load_eight(const float* at) {
-  Eight out;
-  std::memcpy(&out, at, sizeof out);
-  return out;
-}
-
-/// A bit for each box, from the comparison's result.
-inline unsigned bits_of(EightInts m) {
-#if defined(__AVX__)
-  return static_cast<unsigned>(_mm256_movemask_ps((__m256)m));
-#else
-  __m128 half[2];
-  std::memcpy(half, &m, sizeof m);
-  return static_cast<unsigned>(_mm_movemask_ps(half[0]) | _mm_movemask_ps(half[1]) << 4);
-#endif
-}
 
 template <bool any, bool counting>
 class LoneWalker : Walker<any, counting> {
@@ -92,7 +73,7 @@ class LoneWalker : Walker<any, counting> {
       enter = enter > first ? enter : first;
       exit = exit < last ? exit : last;
     }
-    return bits_of(enter <= exit);
+    return signs(enter <= exit);
   }
 };
 
