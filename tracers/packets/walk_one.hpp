@@ -7,6 +7,36 @@
 
 namespace {
 
+/// What is still to be visited of a ray's way, and its interval there.
+struct Stack {
+  static constexpr int kMost = 7 * 24 + 8;
+  std::int32_t link[kMost];
+  float enter[kMost], exit[kMost];
+  int top = 0;
+
+  /// Those of eight boxes that the ray has an interval in, box order[0] first. Eight are written, whatever is
+  /// kept of them: no branch hangs on the answer.
+  void push(Eight from, Eight to, EightInts links, EightInts order) {
+#if defined(__AVX512VL__)
+    const auto turned = (__m256i)order;
+    const __m256 first = _mm256_permutexvar_ps(turned, (__m256)from), last = _mm256_permutexvar_ps(turned, (__m256)to);
+    const __mmask8 met = _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
+    _mm256_storeu_ps(enter + top, _mm256_maskz_compress_ps(met, first));
+    _mm256_storeu_ps(exit + top, _mm256_maskz_compress_ps(met, last));
+    const __m256i to_visit = _mm256_permutexvar_epi32(turned, (__m256i)links);
+    _mm256_storeu_si256((__m256i*)(link + top), _mm256_maskz_compress_epi32(met, to_visit));
+    top += __builtin_popcount(met);
+#else
+    const unsigned met = signs(from <= to);
+    for (int i = 0; i < 8; ++i) {
+      const int box = order[i];
+      link[top] = links[box], enter[top] = from[box], exit[top] = to[box];
+      top += met >> box & 1;
+    }
+#endif
+  }
+};
+
 template <bool any, bool counting>
 class LoneWalker : Walker<any, counting> {
  public:
@@ -14,37 +44,29 @@ class LoneWalker : Walker<any, counting> {
 
   /// Front to back: octants in the order of the ray, as a packet's.
   void walk() {
-    struct Task {
-      std::int32_t link;
-      float enter, exit;
-    } stack[8 * 24];
-    int top = 0, octant = 0;
+    int octant = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const int down = packet_.inverse[axis].only < 0;
       octant |= down << axis;
       nearer_[axis] = axis + 3 * down;
     }
+    // The last that is met comes first, so that the first is on top.
+    const EightInts order = (EightInts{7, 6, 5, 4, 3, 2, 1, 0}) ^ octant;
     active_ = 1;
     limit_ = packet_.end;
+    Stack stack;
     std::int32_t link = 0;
     for (;;) {
-      Eight enter, exit;
-      const WideNode& node = model_.wide[link];
-      for (unsigned met = turned(meets_of(node, enter, exit), octant); met;) {
-        const int last = 31 - __builtin_clz(met);
-        met ^= 1u << last;
-        const int slot = last ^ octant;
-        stack[top++] = {node.link[slot], enter[slot], exit[slot]};
-      }
+      push_met(model_.wide[link], order, stack);
       for (;;) {
-        if (top == 0) return;
-        const Task& task = stack[--top];
+        if (stack.top == 0) return;
+        const int at = --stack.top;
         // A boundary may have been found before the box.
-        const F from = all(task.enter), to = min(all(task.exit), limit_);
-        if (!at_most(from, to)) continue;
-        link = task.link;
+        const F enter = all(stack.enter[at]), exit = min(all(stack.exit[at]), limit_);
+        if (!at_most(enter, exit)) continue;
+        link = stack.link[at];
         if (link >= 0) break;
-        pass(model_.cells[~link], 1, from, to);
+        pass(model_.cells[~link], 1, enter, exit);
         if (!active_) return;
       }
     }
@@ -59,21 +81,19 @@ class LoneWalker : Walker<any, counting> {
   using Base::nearer_;
   using Base::packet_;
   using Base::pass;
-  using Base::turned;
 
-  /// The ray's interval in each box, and which of them have one.
-  unsigned meets_of(const WideNode& node, Eight& enter, Eight& exit) const {
+  /// The ray's interval in each box of a node.
+  void push_met(const WideNode& node, EightInts order, Stack& stack) const {
     if (counting) counts_->boxes += 8;
-    enter = Eight{}, exit = limit_.only - Eight{};
+    Eight enter{}, exit = eight_of(limit_.only);
     for (int axis = 0; axis < 3; ++axis) {
-      const Eight near = load_eight(node.side[nearer_[axis]]),
-                  far = load_eight(node.side[3 - nearer_[axis] + 2 * axis]);
+      const Eight near = load_eight(node.side[nearer_[axis]]), far = load_eight(node.side[3 - nearer_[axis] + 2 * axis]);
       const Eight first = near * packet_.inverse[axis].only - packet_.scaled[axis].only;
       const Eight last = far * packet_.inverse[axis].only - packet_.scaled[axis].only;
       enter = enter > first ? enter : first;
       exit = exit < last ? exit : last;
     }
-    return signs(enter <= exit);
+    stack.push(enter, exit, load_eight<EightInts>(node.link), order);
   }
 };
 
