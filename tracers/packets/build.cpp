@@ -207,7 +207,8 @@ class Structure::CellMaker {
       atom.parent = static_cast<std::uint16_t>(last - atom.parent);
     }
     for (std::size_t i = operators.size(); i-- > 0;)
-      out_->operators.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip, operators[i].atoms});
+      out_->operators.push_back(
+          {static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip, operators[i].atoms});
     return cell;
   }
 

@@ -14,23 +14,27 @@ struct Stack {
   float enter[kMost], exit[kMost];
   int top = 0;
 
-  /// Those of eight boxes that the ray has an interval in, box order[0] first. Eight are written, whatever is
-  /// kept of them: no branch hangs on the answer.
-  int push(int at, Eight from, Eight to, EightInts links, EightInts order) {
+  /// Puts at `at` those of a node's boxes that the ray has an interval in, the first on top; says how many. Eight are
+  /// written, whatever is kept of them: no branch hangs on the answer.
+  int push(int at, const Eight& from, const Eight& to, const WideNode& node, int octant) {
 #if defined(__AVX512VL__)
-    const auto turned = (__m256i)order;
-    const __m256 first = _mm256_permutexvar_ps(turned, (__m256)from), last = _mm256_permutexvar_ps(turned, (__m256)to);
+    const __m256i order = _mm256_xor_si256(_mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0), _mm256_set1_epi32(octant));
+    const __m256 first = _mm256_permutexvar_ps(order, (__m256)from.part[0]);
+    const __m256 last = _mm256_permutexvar_ps(order, (__m256)to.part[0]);
+    const __m256i links = _mm256_permutexvar_epi32(order, _mm256_load_si256((const __m256i*)node.link));
     const __mmask8 met = _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
     _mm256_storeu_ps(enter + at, _mm256_maskz_compress_ps(met, first));
     _mm256_storeu_ps(exit + at, _mm256_maskz_compress_ps(met, last));
-    const __m256i to_visit = _mm256_permutexvar_epi32(turned, (__m256i)links);
-    _mm256_storeu_si256((__m256i*)(link + at), _mm256_maskz_compress_epi32(met, to_visit));
+    _mm256_storeu_si256((__m256i*)(link + at), _mm256_maskz_compress_epi32(met, links));
     return __builtin_popcount(met);
 #else
-    const unsigned met = signs(from <= to);
-    for (int i = 0; i < 8; ++i) {
-      const int box = order[i];
-      link[at] = links[box], enter[at] = from[box], exit[at] = to[box];
+    const unsigned met = at_most(from, to);
+    alignas(32) float first[8], last[8];
+    std::memcpy(first, &from, sizeof first);
+    std::memcpy(last, &to, sizeof last);
+    for (int i = 7; i >= 0; --i) {
+      const int box = i ^ octant;
+      link[at] = node.link[box], enter[at] = first[box], exit[at] = last[box];
       at += met >> box & 1;
     }
     return __builtin_popcount(met);
@@ -45,14 +49,12 @@ class LoneWalker : Walker<any, counting> {
 
   /// Front to back: octants in the order of the ray, as a packet's.
   void walk() {
-    int octant = 0;
+    octant_ = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const int down = packet_.inverse[axis].only < 0;
-      octant |= down << axis;
+      octant_ |= down << axis;
       nearer_[axis] = axis + 3 * down;
     }
-    // The last that is met comes first, so that the first is on top.
-    order_ = (EightInts{7, 6, 5, 4, 3, 2, 1, 0}) ^ octant;
     active_ = 1;
     limit_ = packet_.end;
     Stack stack;
@@ -85,7 +87,7 @@ class LoneWalker : Walker<any, counting> {
     const F scaled[3] = {packet_.scaled[0], packet_.scaled[1], packet_.scaled[2]};
     const int nearer[3] = {nearer_[0], nearer_[1], nearer_[2]};
     const WideNode* const nodes = model_.wide;
-    const EightInts order = order_;
+    const int octant = octant_;
     int top = stack.top;
     while (top > 0) {
       --top;
@@ -98,21 +100,21 @@ class LoneWalker : Walker<any, counting> {
       }
       if (counting) counts_->boxes += 8;
       const WideNode& node = nodes[link];
-      Eight enter[3], exit[3];
+      Eight from[3], to[3];
       for (int axis = 0; axis < 3; ++axis) {
-        enter[axis] = load_eight(node.side[nearer[axis]]) * inverse[axis].only - scaled[axis].only;
-        exit[axis] = load_eight(node.side[3 - nearer[axis] + 2 * axis]) * inverse[axis].only - scaled[axis].only;
+        const auto reached = [&](auto side) { return side * inverse[axis].only - scaled[axis].only; };
+        from[axis] = each_eight(reached, load_eight(node.side[nearer[axis]]));
+        to[axis] = each_eight(reached, load_eight(node.side[3 - nearer[axis] + 2 * axis]));
       }
-      const auto more = [](const Eight& a, const Eight& b) { return a > b ? a : b; };
-      const auto less = [](const Eight& a, const Eight& b) { return a < b ? a : b; };
-      top += stack.push(top, more(more(enter[0], enter[1]), more(enter[2], Eight{})),
-                 less(less(exit[0], exit[1]), less(exit[2], eight_of(limit))), load_eight<EightInts>(node.link), order);
+      const Eight enter = greater_of(greater_of(from[0], from[1]), greater_of(from[2], Eight{}));
+      const Eight exit = lesser_of(lesser_of(to[0], to[1]), lesser_of(to[2], eight_of(limit)));
+      top += stack.push(top, enter, exit, node, octant);
     }
     stack.top = 0;
     return 0;
   }
 
-  EightInts order_;
+  int octant_ = 0;
 };
 
 template <bool any, bool counting>
