@@ -1,7 +1,5 @@
 // membership.hpp for one ray: eight atoms at a time, and then a bit an atom.
 #pragma once
-#include <bit>
-
 #include "eight.hpp"
 #include "spans.hpp"
 

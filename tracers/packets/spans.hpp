@@ -80,7 +80,7 @@ inline Mask ball_span(const Atom& atom, float per_radius, const Passage& in, F& 
   const Mask met = less(F{}, inside);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
-  return less(magnitude(inside), all(__builtin_fmaxf(atom.graze * atom.graze * radius * radius, touch(atom))));
+  return less(magnitude(inside), max(all(atom.graze * atom.graze * radius * radius), all(touch(atom))));
 }
 
 /// |z| ≤ 1 along z + s·v. Grazed where the ray is nearly parallel to the faces and, in the cell, neither
