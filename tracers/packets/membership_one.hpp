@@ -5,7 +5,7 @@
 
 namespace {
 
-static_assert(kMostAtoms <= 64 && kMostAtoms % 8 == 0 && sizeof(F) == sizeof(float));
+static_assert(kMostAtoms <= 64 && kMostOperators % 64 == 0 && kMostAtoms % 8 == 0 && sizeof(F) == sizeof(float));
 
 /// Whether the ray is in the solid at `s`, by the cell's operators.
 inline Mask inside_at(const Cell& cell, const Atom*, const Operator* operators, const Spans& spans, F s) {
@@ -14,14 +14,13 @@ inline Mask inside_at(const Cell& cell, const Atom*, const Operator* operators, 
   for (int i = 0; i < cell.atoms; i += 8)
     set |= std::uint64_t{at_most(load_eight(spans.lo + i), at) & less(at, load_eight(spans.hi + i))} << i;
   set ^= cell.flipped;
+  std::uint64_t fed[kMostOperators / 64] = {};  // operators of which another is an operand, and holds
+  const auto value = [&](int i) -> std::uint64_t {
+    return (((set & operators[i].atoms) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (operators[i].flip & 1u);
+  };
   const int last = cell.operators - 1;
-  if (last == 0) return ((set & operators[0].atoms) != 0) ^ (operators[0].flip & 1u);
-  std::uint8_t fed[kMostOperators];
-  for (int i = 0; i <= last; ++i) fed[i] = 0;
-  for (int i = 0; i < last; ++i)
-    fed[operators[i].parent] |=
-        static_cast<std::uint8_t>((fed[i] | ((set & operators[i].atoms) != 0)) ^ (operators[i].flip & 1));
-  return (fed[last] | ((set & operators[last].atoms) != 0)) ^ (operators[last].flip & 1u);
+  for (int i = 0; i < last; ++i) fed[operators[i].parent / 64] |= value(i) << operators[i].parent % 64;
+  return static_cast<Mask>(value(last));
 }
 
 /// The next crossing behind `s` by which the solid may grow.
