@@ -17,6 +17,7 @@ _NAMES = {
     ("povray", "operators"): "POV-Ray, bounded",
     ("embree_mesh", 1): "Embree, single rays",
     ("embree_mesh", 16): EMBREE,
+    ("packet_sdsm", 1): "packet_sdsm, single rays",
 }
 
 
@@ -51,7 +52,8 @@ class Entry:
     @property
     def is_scalar(self) -> bool:
         """Ours, one ray at a time."""
-        return self.is_ours and not self.result.scheme.startswith("packet_")
+        r = self.result
+        return self.is_ours and (not r.scheme.startswith("packet_") or r.params.get("packet") == 1)
 
     def setting(self) -> str:
         shown = {k: v for k, v in self.result.params.items() if k not in ("packet", "bounds")}

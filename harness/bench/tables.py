@@ -99,7 +99,7 @@ def targets_table(measured: list[tuple[Target, Measured | None]]) -> Table:
 
 
 def _who(entry: Entry) -> str:
-    return f"{entry.result.scheme} {entry.setting()}".strip()
+    return f"{entry.peer} {entry.setting()}".strip()
 
 
 def ablation_table(bench: Bench) -> Table:

@@ -80,6 +80,16 @@ def test_the_fastest_of_each_peer_stands_in_the_table(bench):
     assert "| ngkcut | hybrid_sdsm | float32 |" in made.markdown()
 
 
+def test_packets_that_go_alone_stand_by_themselves(bench):
+    alone = next(e for e in bench.of("ball") if e.peer == "packet_sdsm, single rays")
+    together = next(e for e in bench.of("ball") if e.peer == "packet_sdsm")
+    assert alone.is_scalar
+    assert not together.is_scalar
+    assert alone.result.params["packet"] == 1
+    assert bench.scalar("ball").result.scheme == "hybrid_sdsm"  # the fastest of them here
+    assert tables._who(alone).startswith("packet_sdsm, single rays boxes=tight d=6")
+
+
 def test_targets_are_met_or_not_met_by_the_median(bench):
     found = {(t.model, t.short): (t.verdict(m), m and m[1].median) for t in targets.TARGETS
              for m in [t.measure(bench)]}  # fmt: skip

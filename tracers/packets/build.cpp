@@ -162,7 +162,7 @@ class Structure::CellMaker {
     std::vector<Made> made(tree.size());
     std::vector<Operator> operators;
     const auto add_operator = [&](std::uint16_t parent, bool flip) {
-      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0)});
+      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0), 0});
       return static_cast<std::uint16_t>(operators.size() - 1);
     };
     for (std::size_t i = 0; i < tree.size() && cell.trusted; ++i) {
@@ -202,10 +202,16 @@ class Structure::CellMaker {
       out_->atoms.resize(cell.first_atom);
       return cell;
     }
-    for (std::size_t i = cell.first_atom; i < out_->atoms.size(); ++i)
-      out_->atoms[i].parent = static_cast<std::uint16_t>(last - out_->atoms[i].parent);
+    for (std::size_t i = 0; i < cell.atoms; ++i) {
+      Atom& atom = out_->atoms[cell.first_atom + i];
+      operators[atom.parent].atoms |= std::uint64_t{1} << i;
+      cell.flipped |= std::uint64_t{atom.flip != 0} << i;
+      cell.negative |= std::uint64_t{atom.negative} << i;
+      atom.parent = static_cast<std::uint16_t>(last - atom.parent);
+    }
     for (std::size_t i = operators.size(); i-- > 0;)
-      out_->operators.push_back({static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip});
+      out_->operators.push_back(
+          {static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip, operators[i].atoms});
     return cell;
   }
 
@@ -352,13 +358,65 @@ class NodeMaker {
   std::vector<Node>& nodes_;
 };
 
+/// The boxes of each divided node's octants side by side; nodes stand in the order in which they are met.
+class Widener {
+ public:
+  Widener(std::span<const Node> nodes, std::vector<WideNode>& wide) : nodes_(nodes), wide_(wide) {
+    const Node& root = nodes_[0];
+    if (root.octants != 0)
+      widen(root);
+    else
+      put(root, 0, wide_[add()]);
+  }
+
+ private:
+  std::size_t add() {
+    WideNode none{};
+    for (int axis = 0; axis < 3; ++axis) {
+      std::ranges::fill(none.side[axis], std::numeric_limits<float>::infinity());
+      std::ranges::fill(none.side[3 + axis], -std::numeric_limits<float>::infinity());
+    }
+    wide_.push_back(none);
+    return wide_.size() - 1;
+  }
+
+  static void put(const Node& node, int slot, WideNode& in) {
+    for (int side = 0; side < 6; ++side) in.side[side][slot] = node.side[side];
+    in.link[slot] = ~node.link;
+  }
+
+  std::int32_t widen(const Node& node) {
+    const std::size_t at = add();
+    auto child = static_cast<std::size_t>(node.link);
+    for (int octant = 0; octant < 8; ++octant) {
+      if (!(node.octants >> octant & 1)) continue;
+      const Node& in = nodes_[child++];
+      put(in, octant, wide_[at]);
+      if (in.octants != 0) {
+        const std::int32_t link = widen(in);
+        wide_[at].link[octant] = link;
+      }
+    }
+    return static_cast<std::int32_t>(at);
+  }
+
+  std::span<const Node> nodes_;
+  std::vector<WideNode>& wide_;
+};
+
 }  // namespace
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads) {
+Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, Together together,
+                     std::size_t threads) {
   if (tree.world().empty()) return;
   build(tree, octree, margin, tight, threads);
+  if (together == Together::One && !nodes_.empty()) {
+    Widener(nodes_, wide_);
+    nodes_ = {};
+    wide_.shrink_to_fit();
+  }
   cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
-  model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
+  model_.nodes = nodes_.data(), model_.wide = wide_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
   model_.operators = operators_.data(), model_.frames = frames_.data();
 }
 
@@ -406,8 +464,8 @@ void Structure::build(const CsgTree& tree, const Octree& octree, double margin, 
 }
 
 std::size_t Structure::bytes() const {
-  return nodes_.size() * sizeof(Node) + cells_.size() * sizeof(Cell) + atoms_.size() * sizeof(Atom) +
-         operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
+  return nodes_.size() * sizeof(Node) + wide_.size() * sizeof(WideNode) + cells_.size() * sizeof(Cell) +
+         atoms_.size() * sizeof(Atom) + operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
 }
 
 void Structure::describe(std::map<std::string, double>& facts) const {

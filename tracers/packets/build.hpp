@@ -19,10 +19,11 @@ class Structure {
  public:
   /// `tight`: shrink the cells' boxes to where their trees are not constant. The same for any number of threads.
   /// `margin` is that of the octree's trees.
-  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
+  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, Together together,
+            std::size_t threads);
 
   const Model& model() const { return model_; }
-  bool empty() const { return nodes_.empty(); }
+  bool empty() const { return cells_.empty(); }
   std::size_t bytes() const;
   void describe(std::map<std::string, double>& facts) const;
 
@@ -31,6 +32,7 @@ class Structure {
   void build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
 
   std::vector<Node> nodes_;
+  std::vector<WideNode> wide_;
   std::vector<Cell> cells_;
   std::vector<Atom> atoms_;
   std::vector<Operator> operators_;

@@ -212,11 +212,23 @@ inline void exchange(std::integer_sequence<int, lane...>, DoubleRegister* row) {
     row[i | side] = __builtin_shufflevector(a, b, (lane & side ? kSide + lane : lane ^ side)...);
   }
 }
-inline void transpose(DoubleRegister* row) {
-  constexpr std::make_integer_sequence<int, D::kEach> kLane;
-  exchange<1>(kLane, row);
-  if constexpr (D::kEach > 2) exchange<2>(kLane, row);
-  if constexpr (D::kEach > 4) exchange<4>(kLane, row);
+/// Sixteen rows of eight doubles, or the first `count` and the first of them again, as eight columns.
+inline void transpose(const double* rows, int count, D columns[8]) {
+  constexpr int kSide = D::kEach;
+  constexpr std::make_integer_sequence<int, kSide> kLane;
+  for (int part = 0; part < D::kParts; ++part) {
+    for (int first = 0; first < 8; first += kSide) {
+      DoubleRegister square[kSide];
+      for (int i = 0; i < kSide; ++i) {
+        const int row = part * kSide + i;
+        std::memcpy(&square[i], rows + 8 * (row < count ? row : 0) + first, sizeof square[i]);
+      }
+      exchange<1>(kLane, square);
+      if constexpr (kSide > 2) exchange<2>(kLane, square);
+      if constexpr (kSide > 4) exchange<4>(kLane, square);
+      for (int j = 0; j < kSide; ++j) columns[first + j].part[part] = square[j];
+    }
+  }
 }
 
 inline int count_of(Mask m) { return __builtin_popcount(m); }

@@ -17,6 +17,15 @@ struct Node {
   std::uint32_t octants;  ///< one bit for each child, which stand in their order; 0 for a cell
 };
 
+/// The boxes of eight octants, for a ray that tests them at once. Where there is no octant, the box is met by no ray.
+struct alignas(32) WideNode {
+  float side[6][8];      ///< low on x, y, z; high on x, y, z
+  std::int32_t link[8];  ///< another of these, or ~cell
+};
+
+/// How many rays go together: it says which nodes a model has.
+enum class Together : std::uint8_t { One, Sixteen };
+
 /// A primitive is the intersection of its atoms, of which a cell keeps those that cut it.
 /// All convex but the torus. A wall is a cone without its caps.
 enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, SlabX, SlabY, SlabZ, Wall, Torus };
@@ -42,6 +51,7 @@ struct Atom {
 /// operator is the root, whose parent is itself.
 struct Operator {
   std::uint16_t parent, flip;
+  std::uint64_t atoms;  ///< that are operands of it, one bit each
 };
 
 struct Cell {
@@ -49,6 +59,7 @@ struct Cell {
   float lo[3], hi[3];  ///< of the octree's cell, from the centre of what it was shrunk to
   std::uint32_t first_atom, first_operator;
   std::uint16_t atoms, operators;
+  std::uint64_t flipped, negative;  ///< one bit an atom
   float window;  ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
   bool trusted;  ///< whether floats can tell anything here
 };
@@ -62,7 +73,8 @@ struct Frame {
 };
 
 struct Model {
-  const Node* nodes;
+  const Node* nodes;     ///< for packets of rays
+  const WideNode* wide;  ///< for rays one at a time
   const Cell* cells;
   const Atom* atoms;
   const Operator* operators;
@@ -95,6 +107,6 @@ struct Counts {
 using Walk = void (*)(const Model&, const Rays&, bool any, Answer&, Counts* counts);
 
 /// The walk for the widest instruction set that this machine has, up to a level of x86-64: 2, 3 or 4.
-Walk walk_up_to(int level);
+Walk walk_up_to(int level, Together together);
 
 }  // namespace csg::packets

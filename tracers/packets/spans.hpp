@@ -1,7 +1,6 @@
 // Where rays meet an atom: its interval along each ray of a packet, in floats from the point of the ray nearest
-// the cell's centre.
+// the cell's centre. After lanes.hpp, or lane.hpp for rays one at a time.
 #pragma once
-#include "lanes.hpp"
 #include "packet_model.hpp"
 
 namespace {

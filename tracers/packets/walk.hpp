@@ -1,31 +1,22 @@
-// Packets of sixteen rays through the boxes and cells of a PacketModel. Compiled for each instruction set;
-// nothing here but the entry has external linkage.
+// Packets of sixteen rays through the boxes and cells of a PacketModel, and what becomes of a ray in a cell, which
+// is the same for rays one at a time (walk_one.hpp). Compiled for each instruction set; nothing here but the entry
+// has external linkage.
 //
 // Floats find where a ray first passes into the solid, and say what they are sure of. They bound the
 // solid from outside: atoms that add to it are grown by their rounding, those that it is cut by are
 // shrunk, so that a ray that misses the bound surely misses. Where it enters the bound, the true
 // boundary lies within the window W behind, if no other atom is crossed near there and the surface is not
 // grazed. Else the ray is `unsure`, and is traced again by the scalar search.
+// After membership.hpp or membership_one.hpp.
 #pragma once
-#include "spans.hpp"
 
 namespace {
 
-/// The membership of each ray at `s`, by the cell's operators.
-inline Mask inside_at(const Atom* atoms, int count, const Operator* operators, int operator_count, const Spans& spans,
-                      F s) {
-  if (operator_count == 1) {
-    Mask value = 0;
-    for (int i = 0; i < count; ++i) value |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
-    return value ^ operators[0].flip;
-  }
-  std::uint32_t value[kMostOperators];
-  for (int i = 0; i < operator_count; ++i) value[i] = 0;
-  for (int i = 0; i < count; ++i)
-    value[atoms[i].parent] |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
-  for (int i = 0; i + 1 < operator_count; ++i) value[operators[i].parent] |= value[i] ^ operators[i].flip;
-  return value[operator_count - 1] ^ operators[operator_count - 1].flip;
-}
+/// Where rays start and how fast they are, in units; those that are not `valid` end before.
+struct Start {
+  D at, speed;
+  Mask valid;
+};
 
 template <bool any, bool counting>
 class Walker {
@@ -70,15 +61,17 @@ class Walker {
     }
   }
 
-  /// Where boundaries are, or may be, for rays whose way starts at `start` and takes `units` to a t of 1.
-  void tell(const D& start, const D& units) const {
-    const D t = (t_ + start) / units, t_error = t_error_ / units;
+  /// The answer, for rays that set out as `start` says.
+  void arrive(const Start& start) const {
+    answer_.hit &= ~answer_.unsure;
+    if (any && !answer_.unsure) return;
+    const D t = (t_ + start.at) / start.speed, t_error = t_error_ / start.speed;
     std::memcpy(answer_.t, &t, sizeof t);
     std::memcpy(answer_.t_error, &t_error, sizeof t_error);
     std::memcpy(answer_.leaf, &leaf_, sizeof leaf_);
   }
 
- private:
+ protected:
   /// Bit i of a mask of octants to bit i ^ octant.
   static unsigned turned(unsigned octants, int octant) {
     if (octant & 1) octants = (octants & 0x55) << 1 | (octants & 0xaa) >> 1;
@@ -160,7 +153,7 @@ class Walker {
     const auto inside = [&](F s, Mask of) {
       if (counting)
         counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
-      return inside_at(atoms, count, operators, cell.operators, spans, s);
+      return inside_at(cell, atoms, operators, spans, s);
     };
     F s = in.enter;
     unsure |= inside(s, lanes);
@@ -168,12 +161,7 @@ class Walker {
     const F last = in.exit + window;
     F at_boundary = s;
     while (todo) {
-      // The next crossing by which the solid may grow.
-      F next = all(kNever);
-      for (int i = 0; i < count; ++i) {
-        const F event = atoms[i].negative ? spans.hi[i] : spans.lo[i];
-        next = select(less(s, event), min(next, event), next);
-      }
+      const F next = next_growth(cell, atoms, spans, s);
       todo &= at_most(next, last);
       if (!todo) break;
       s = select(todo, next, s);
@@ -250,27 +238,9 @@ class Walker {
   I leaf_ = all<std::int32_t>(0);
 };
 
-/// Sixteen rays from as many lines of eight doubles.
-inline void load(const Rays& rays, D columns[8]) {
-  constexpr int kSide = D::kEach;
-  for (int part = 0; part < D::kParts; ++part) {
-    for (int first = 0; first < 8; first += kSide) {
-      DoubleRegister square[kSide];
-      for (int i = 0; i < kSide; ++i) {
-        const int ray = part * kSide + i;
-        std::memcpy(&square[i], rays.first + 8 * (ray < rays.count ? ray : 0) + first, sizeof square[i]);
-      }
-      transpose(square);
-      for (int j = 0; j < kSide; ++j) columns[first + j].part[part] = square[j];
-    }
-  }
-}
-
-template <bool any, bool counting>
-void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
+inline Start set_out(const Model& model, const Rays& rays, Packet& packet) {
   D column[8];
-  load(rays, column);
-  Packet packet;
+  transpose(rays.first, rays.count, column);
   const D dd = column[3] * column[3] + column[4] * column[4] + column[5] * column[5];
   const D speed = root(dd), per_speed = all<double>(1) / speed;
   D along = all<double>(0);
@@ -286,7 +256,6 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   const D from = column[6] * units, enter = all<double>(-model.radius) - along;
   const D start = max(from, enter), end = column[7] * units - start;
   const double near = model.near / model.per_unit;
-  const Mask valid = less(column[6], column[7]) & ((1u << rays.count) - 1);
   for (int axis = 0; axis < 3; ++axis) {
     packet.o[axis] = packet.o[axis] + start * packet.d[axis];
     packet.of[axis] = narrow(packet.o[axis]);
@@ -297,12 +266,19 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   packet.end = narrow(end);
   packet.in_world = ~less(from, enter);
   packet.far = less(all<double>(near * near), distance);
+  return {start, units, less(column[6], column[7]) & ((1u << rays.count) - 1)};
+}
 
+/// Of the rays that have a boundary: what is unsure is none, and t in units of the rays' own.
+template <bool any, bool counting>
+void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* counts) {
+  Packet packet;
+  const Start start = set_out(model, rays, packet);
   answer.hit = answer.unsure = 0;
   Walker<any, counting> walker(model, packet, answer, counts);
   Mask down[3];
   for (int axis = 0; axis < 3; ++axis) down[axis] = less(packet.inverse[axis], F{});
-  for (Mask todo = valid; todo;) {
+  for (Mask todo = start.valid; todo;) {
     const int i = first_of(todo);
     int octant = 0;
     Mask alike = todo;
@@ -314,8 +290,7 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
     walker.walk(alike, octant);
     todo &= ~alike;
   }
-  answer.hit &= ~answer.unsure;
-  if (!any || answer.unsure) walker.tell(start, units);
+  walker.arrive(start);
 }
 
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {

@@ -5,6 +5,7 @@
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
 //   boxes         tight | cells: shrunk, or as the octree has them.
+//   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes at once.
 //   instructions  avx512 | avx2 | sse4: no wider than these.
 #include <bit>
 
@@ -18,11 +19,12 @@ static_assert(sizeof(Ray) == 8 * sizeof(double));
 
 class PacketSdsm final : public Tracer {
  public:
-  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int level)
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, packets::Together together,
+             int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, limits.margin, tight, thread_count(limits.threads)),
-        walk_(packets::walk_up_to(level)) {}
+        packets_(*tree_, octree_, limits.margin, tight, together, thread_count(limits.threads)),
+        walk_(packets::walk_up_to(level, together)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
   std::map<std::string, double> facts() const override {
@@ -130,6 +132,13 @@ std::vector<ParamSpec> packet_params() {
        .default_value = std::string("tight"),
        .choices = {"tight", "cells"},
        .trial_values = {std::string("tight"), std::string("cells")}});
+  params.push_back({.name = "packet",
+                    .meaning = "rays that go together: 16, or 1, which tests eight boxes at once",
+                    .default_value = 16L,
+                    .minimum = 1,
+                    .maximum = 16,
+                    .trial_values = {16L, 1L},
+                    .implied_by_default = true});
   params.push_back({.name = "instructions",
                     .meaning = "the widest that packets may use, if the machine has them; the answers are the same",
                     .default_value = std::string("avx512"),
@@ -144,14 +153,17 @@ std::vector<ParamSpec> packet_params() {
 extern const SchemeInfo scheme_packet_sdsm;
 const SchemeInfo scheme_packet_sdsm{
     .name = "packet_sdsm",
-    .title = "Packet SDSM (16 rays, tight boxes, atoms)",
+    .title = "Packet SDSM (16 rays or 1, tight boxes, atoms)",
     .params = packet_params(),
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       OctreeLimits limits = OctreeLimits::of(params);
       limits.margin = packets::margin_for(params.numerics().precision);
       const std::string& instructions = params.choice("instructions");
       const int level = instructions == "avx512" ? 4 : instructions == "avx2" ? 3 : 2;
-      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", level);
+      const int packet = params.integer("packet");
+      if (packet != 1 && packet != 16) throw std::invalid_argument("packet_sdsm: 'packet' is 1 or 16");
+      const auto together = packet == 1 ? packets::Together::One : packets::Together::Sixteen;
+      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", together, level);
     }};
 
 }  // namespace csg
