@@ -171,6 +171,12 @@ def structures_table(measured: Iterable[Measured]) -> Table:
     return Table("micro_structures", "Parts of the schemes", columns, rows, notes, keys=2)
 
 
+_LEAST = (
+    "least: what remains if it cost nothing to know which primitives a ray enters before its hit; "
+    "their kernels alone, in double, and the normal of what is shaded."
+)
+
+
 def schemes_table(outcome: Outcome) -> Table:
     rows, cases = _crosswise(
         dataclasses.replace(m, name=(*m.name[:2], "/".join(m.name[2:])))
@@ -187,9 +193,7 @@ def schemes_table(outcome: Outcome) -> Table:
         if m.primitives is not None
     )
     notes = [
-        "least: what remains if it cost nothing to know which primitives a ray enters before its "
-        "hit; their kernels alone, in double, and the normal of what is shaded. A ray enters "
-        f"{entered}.",
+        *([_LEAST + f" A ray enters {entered}."] if entered else []),
         "One ray, every scheme at its defaults: each 13th tile of the 512×512 picture, in the "
         f"batches and the order of rendering. The mesh has {SEGMENTS} segments a circle.",
         *(f"{name}: {why}." for name, why in outcome.refused.items()),

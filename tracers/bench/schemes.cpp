@@ -75,10 +75,32 @@ void least(benchmark::State& state, const CsgTree& model, const std::vector<Know
   state.counters["primitives"] = static_cast<double>(entered) / static_cast<double>(rays.size());
 }
 
-std::unique_ptr<Tracer> build(const SchemeInfo& scheme, const Model& model) {
-  Params params(scheme, {});
-  if (scheme.needs_mesh) params.mesh = model.mesh;
-  return scheme.make(model.tree, params);
+/// A scheme with some of its parameters.
+struct Setting {
+  const SchemeInfo* scheme;
+  std::map<std::string, ParamValue> given;
+
+  std::string name() const {
+    return scheme->name + (given.empty() ? "" : " packet=" + std::to_string(std::get<long>(given.at("packet"))));
+  }
+
+  std::unique_ptr<Tracer> build(const Model& model) const {
+    Params params(*scheme, given);
+    if (scheme->needs_mesh) params.mesh = model.mesh;
+    return scheme->make(model.tree, params);
+  }
+};
+
+/// Every scheme at its defaults; and, if it takes rays in packets, one at a time, or the other way round.
+std::vector<Setting> settings() {
+  std::vector<Setting> out;
+  for (const SchemeInfo* scheme : schemes()) {
+    out.push_back({scheme, {}});
+    for (const ParamSpec& param : scheme->params)
+      if (param.name == "packet")
+        out.push_back({scheme, {{"packet", param.default_value == ParamValue{1L} ? 16L : 1L}}});
+  }
+  return out;
 }
 
 }  // namespace
@@ -89,17 +111,18 @@ void add_schemes(const Model& model) {
     const auto rays = std::make_shared<std::vector<Known>>();  // worked out when first run
     benchmark::RegisterBenchmark(name.c_str(), [&model, rays, is_shadow](benchmark::State& state) {
       if (rays->empty())
-        *rays = known(*model.tree, *build(scheme("hybrid_sdsm"), model), is_shadow ? model.shadow : model.primary);
+        *rays = known(*model.tree, *Setting{&scheme("hybrid_sdsm"), {}}.build(model),
+                      is_shadow ? model.shadow : model.primary);
       least(state, *model.tree, *rays, is_shadow);
     });
   }
-  for (const SchemeInfo* scheme : schemes()) {
+  for (const Setting& setting : settings()) {
     const auto tracer = std::make_shared<std::unique_ptr<Tracer>>();  // built when first run
     for (const bool is_shadow : {false, true}) {
-      const std::string name = "scheme/" + scheme->name + "/" + model.name + (is_shadow ? "/shadow" : "/primary");
-      benchmark::RegisterBenchmark(name.c_str(), [&model, scheme, tracer, is_shadow](benchmark::State& state) {
+      const std::string name = "scheme/" + setting.name() + "/" + model.name + (is_shadow ? "/shadow" : "/primary");
+      benchmark::RegisterBenchmark(name.c_str(), [&model, setting, tracer, is_shadow](benchmark::State& state) {
         try {
-          if (!*tracer) *tracer = build(*scheme, model);
+          if (!*tracer) *tracer = setting.build(model);
         } catch (const std::exception& error) {
           return state.SkipWithError(error.what());
         }
