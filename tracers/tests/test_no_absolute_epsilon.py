@@ -18,6 +18,7 @@ EXPLAINED = {
     ("packets/build.cpp", "0x1p-48"): "of the leaf, whose size is 1 there: rounding in double",
     ("packets/build.cpp", "0x1p-8"): "of the leaf, too: a float wrong by more is not asked",
     ("packets/build.hpp", "0x1p-4"): "of half a cell's side: the margin of what a tree holds for",
+    ("packets/build.hpp", "0x1p-3"): "the same in float32",
     ("tracer.cpp", "0x1p-32"): "of a direction: which rays need not be scaled by a power of two",
 }
 
