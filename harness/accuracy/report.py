@@ -23,6 +23,7 @@ KNOBS = {  # colour, mark; what is not a knob of the exact scheme is another sch
     "tie_band": ("#CC79A7", "v"),
     "shadow": ("#56B4E9", "P"),
     "size": ("#999999", "x"),
+    "packet_sdsm": ("#332288", "h"),
     "embree_mesh": ("#D55E00", "o"),
     "sphere_tracing": ("#E69F00", "^"),
 }

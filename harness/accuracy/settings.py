@@ -11,6 +11,7 @@ from harness import models, results
 from harness.accuracy.measure import by_model, measure
 from harness.machine import code_version
 from harness.results import Result, Results
+from harness.schemes import precision
 from harness.statistics import Estimate
 from harness.store import Errors, Store
 from harness.study import Configuration, Study
@@ -97,9 +98,8 @@ def _knob(c: Configuration, exact: Configuration) -> tuple[str, str]:
     """What is turned, and to which value."""
     ours, theirs = json.loads(c.params), json.loads(exact.params)
     if c.scheme != exact.scheme:
-        return c.scheme, " ".join(
-            str(ours[key]) for key in ("segments", "tolerance") if key in ours
-        )
+        told = [key for key in ("segments", "tolerance") if key in ours]
+        return c.scheme, " ".join(str(ours[key]) for key in told) or precision(ours)
     turned = [key for key in ours if ours[key] != theirs.get(key)]
     if turned:
         return turned[0], str(ours[turned[0]])

@@ -32,7 +32,9 @@ def figures() -> dict[str, dict]:
     patched = pytest.MonkeyPatch()
     patched.setattr(measure, "SHOWN", SIDE)
     patched.setattr(measure, "SUPERSAMPLED", 2 * SIDE)
-    knobs = ["", "float32", "fixed_5e-4", '"shadow":"0"', '"segments":8', '"tolerance":3']
+    knobs = [
+        "", "float32", "fixed_5e-4", '"shadow":"0"', '"boxes"', '"segments":8', '"tolerance":3'
+    ]  # fmt: skip
     found = measure.measure([small(knob) for knob in knobs], lambda label: None)
     patched.undo()
     return dict(zip(knobs, found, strict=True))
@@ -44,7 +46,9 @@ def test_the_exact_scheme_errs_nowhere(figures) -> None:
     assert exact["disputed"] > 100  # the mesh and the spheres differ somewhere
     assert exact["sampled_unexcused"] == exact["disputed_unexcused"] == 0
     assert 0 < exact["sampled_worst_E"] < 4
-    assert exact["flips"] == exact["wrong_leaves"] == exact["wrong_light"] == exact["flip"] == 0
+    for figures_of in (exact, figures['"boxes"']):  # the latter of packet_sdsm
+        for key in ("flips", "wrong_leaves", "wrong_light", "flip"):
+            assert figures_of[key] == 0
     assert 0 < exact["surface_max"] < 1e-15
 
 
@@ -75,8 +79,9 @@ def settings(tmp_path, figures) -> list[Setting]:
         )  # fmt: skip
         for repeat in range(3):
             seconds = n * (1 + repeat / 100)
+            picture = "exact" if knob in ("", '"boxes"') else knob
             outcome = Outcome(
-                "ok", "", f"{n}{repeat}", seconds, 0.5, seconds, None, 1, 1000, f"{n}"
+                "ok", "", f"{n}{repeat}", seconds, 0.5, seconds, None, 1, 1000, picture
             )
             store.add_trial("s", dataclasses.replace(trial, repeat=repeat), outcome)
         record = Errors(
@@ -89,7 +94,8 @@ def settings(tmp_path, figures) -> list[Setting]:
 
 def test_report_says_what_was_turned_and_what_it_costs(settings, tmp_path) -> None:
     assert [s.knob for s in settings] == [
-        "exact", "precision", "tie_band", "shadow", "embree_mesh", "sphere_tracing",
+        "exact", "precision", "tie_band", "shadow", "packet_sdsm", "embree_mesh",
+        "sphere_tracing",
     ]  # fmt: skip
     assert settings[0].ray_ns.median == pytest.approx(1.01e6)
     table = report.settings_table("ball", settings)
