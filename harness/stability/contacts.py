@@ -15,6 +15,7 @@ from harness.stability.exact_torus import Torus
 from harness.stability.scenes import (
     BAND,
     GUARD,
+    LEAST_COSINE,
     PRECISIONS,
     RED_WHERE_GRAZED,
     Tally,
@@ -116,16 +117,17 @@ def contacts(rays: int, rng: np.random.Generator) -> Findings:
                 "X9",
                 f"{case}, {name}, {precision}",
                 "layers that are not there",
-                red=RED_WHERE_GRAZED[precision],
             )
             for name in list(trees)[1:]
         }
+        unexplained = dict.fromkeys(tallies, False)
         whole = trees["A ∪ B"]
         for count in chunks(rays // (len(CONTACTS) * 2)):
             unit = error_unit(whole, np.zeros((1, 8)), precision)[0]
             batch = contact_rays(point, normal, unit, rng, count)
             units = error_unit(whole, batch, precision)
             near = np.any([grazes(part, batch, GUARD * units) for part in parts], axis=0)
+            flat = np.abs(batch[:, 3:6] @ normal) < LEAST_COSINE[precision]
             found = {n: walk(t, whole, batch, precision) for n, t in built.items()}
             wrong = {
                 "A ∩ B": found["A ∩ B"].count > 0,
@@ -134,7 +136,10 @@ def contacts(rays: int, rng: np.random.Generator) -> Findings:
             }
             for name, tally in tallies.items():
                 tally.add(count, (wrong[name] & ~near).sum(), (wrong[name] & near).sum())
-        yield from (tally.finding() for tally in tallies.values())
+                unexplained[name] |= bool((wrong[name] & ~near & ~flat).any())
+        for name, tally in tallies.items():
+            tally.red = "" if unexplained[name] else RED_WHERE_GRAZED[precision]
+            yield tally.finding()
 
 
 def zero_length(t: np.ndarray, band: np.ndarray) -> np.ndarray:

@@ -219,7 +219,8 @@ def _flush(case: str, precision: str, rays: int, rng) -> Findings:
     tenth, one = Fraction(1, 10), Fraction(1)
     lo, hi = extended([tenth] * 3), extended([one, one, top])
     tally = Tally("X7", f"{case}, {precision}", "surface error, E", GUARD)
-    tally.red = RED_WHERE_GRAZED[precision]
+    if precision == "float32":
+        tally.red = RED_WHERE_GRAZED[precision]
     for count in chunks(rays):
         batch = surface_rays(tree, precision, rng, count)
         unit = error_unit(tree, batch, precision)

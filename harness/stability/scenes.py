@@ -15,12 +15,13 @@ UNIT = {"float64": 2.0**-53, "float32": 2.0**-24}
 LIMITS = {precision: tracers.limits(precision) for precision in PRECISIONS}  # of this build
 # What excuses does not follow the build: a band made wider would loosen every bar.
 EXCUSED_COSINE = {"float64": 2.0**-10, "float32": 2.0**-5}
-# Why a row may be red in one precision: t of a surface that is grazed is off by E / cos, and in
-# float32 the band follows that only so far.
+# Why a row may be red: t of a surface that is grazed is off by E / cos, and the band follows that
+# only down to this cosine.
+LEAST_COSINE = {"float64": 2.0**-20, "float32": 2.0**-5}
 RED_WHERE_GRAZED = {
-    "float64": "",
-    "float32": "the band widens to a cosine of 2⁻⁵ only, that P stay 2⁻¹² of the size; "
-    "a surface can be grazed at less and yet be more than 4 E away",
+    precision: f"the band widens to a cosine of {cosine} only, that P stay {pad} of the size; "
+    "a surface can be grazed at less and yet be more than 4 E away"
+    for precision, cosine, pad in [("float64", "2⁻²⁰", "2⁻²⁰"), ("float32", "2⁻⁵", "2⁻¹²")]
 }
 BAND = 16  # tie band, in E
 GUARD = 4  # in E: what is closer than this may be decided either way
