@@ -54,8 +54,8 @@ inline F apply(const float row[3], const F v[3]) { return row[0] * v[0] + row[1]
 /// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
 inline float touch(const Atom& atom) { return 8 * __builtin_fabsf(atom.size - 1); }
 
-/// The interval of a round atom around the middle of its chord. `per_speed`² is `inverse`; `inside` is of half the
-/// chord the square, times the speed's.
+/// The interval of a round atom around the middle of its chord. `inside` times `inverse` is the square of half the
+/// chord, which is off by no more than `rounding` besides.
 inline void chord(const Atom& atom, const F& middle, const F& inside, const F& inverse, const F& rounding,
                   const Passage& in, Doubts& doubts, F& lo, F& hi) {
   const F half = root(max(inside, F{}) * inverse) + rounding;

@@ -1,4 +1,4 @@
-// The memory of a picture, which is larger than caches: making it ready took a twelfth of the time to draw it.
+// The memory of a picture, which is larger than caches: making it ready cost a part of the time to draw it.
 #pragma once
 #include <sys/mman.h>
 

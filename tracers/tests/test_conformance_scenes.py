@@ -49,3 +49,21 @@ def test_scene(
             tracer = tracers.make(scheme.name, tree, params)
             assert_same(tree, scheme.name, params, tracer, rays, expected)
             assert tracer.render(view).hash == picture, f"{scheme.name} {params}: another picture"
+
+
+def test_what_the_margin_of_a_cell_does_not_tell(tmp_path: Path) -> None:
+    """Two rays of ball in doubt in the margin of a cell that they never enter: a boundary lies
+    before, in a cell that comes later."""
+    tree = tracers.load_csg(str(to_csg(SCENES["ball"].model, tmp_path)))
+    eye = [24.1, -42.1, 35.3]
+    ways = [
+        [-0.52684981197621705, 0.70138999575172911, -0.48008473156310039],
+        [-0.51230567740301669, 0.67514014005586775, -0.53078120180162702],
+    ]
+    rays = np.array([[*eye, *way, 0, np.inf] for way in ways])
+    expected = tracers.make("naive", tree, {}).trace(rays)
+    assert expected.leaf.tolist() == [0, 0]
+    for packet in (16, 1):
+        params = {"d": 6, "h": 5, "packet": packet}
+        tracer = tracers.make("packet_sdsm", tree, params)
+        assert_same(tree, "packet_sdsm", params, tracer, rays, expected)
