@@ -72,7 +72,12 @@ _CASES = {
 }
 
 
-@row("X4", "block: corners, edges, planes, ±0, flat, far, denormal", tests=140_000, full=10_000_000)
+@row(
+    "X4",
+    "block: corners, edges, planes, ±0, flat, far, denormal",
+    tests=1_000_000,
+    full=100_000_000,
+)
 def blocks(n: int, rng: np.random.Generator) -> Findings:
     for precision, (farthest, scales) in REACH.items():
         for case, (aim, thinnest, far) in _CASES.items():

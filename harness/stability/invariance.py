@@ -27,7 +27,7 @@ from harness.stability.scenes import (
     walk,
 )
 
-RAYS_PER_TREE = 2_000
+RAYS_PER_TREE, SETTINGS_A_TREE = 2_000, 3
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact]
 
 
@@ -39,14 +39,16 @@ def settings(scheme) -> list[dict]:
 
 
 def solids(
-    total: int, rng: np.random.Generator
+    total: int, rng: np.random.Generator, per_tree: int = RAYS_PER_TREE
 ) -> Iterator[tuple[int, tracers.CsgTree, np.ndarray]]:
     """Numbered trees, of all families in turn; rays (n, 8) that add up to at least the total."""
-    for number in range(max(total // RAYS_PER_TREE, len(FAMILIES))):
+    number = done = 0
+    while done < total or number < len(FAMILIES):
         tree = list(FAMILIES.values())[number % len(FAMILIES)](rng)
-        rays = all_rays(tree, rng, min(-(-total // len(FAMILIES)), RAYS_PER_TREE))
+        rays = all_rays(tree, rng, min(-(-total // len(FAMILIES)), per_tree))
         rays[np.abs(rays) < 1e-300] = 0  # near denormals, scaling by a power of two is not exact
         yield number, tree, rays
+        number, done = number + 1, done + len(rays)
 
 
 def scaled(rays: np.ndarray, exponent: int) -> np.ndarray:
@@ -84,23 +86,25 @@ def other_units(rays: int, rng: np.random.Generator) -> Findings:
     yield from (tally.finding() for tally in tallies.values())
 
 
-@row("X13", "all exact schemes, over their settings", tests=20_000, full=600_000)
+@row("X13", "all exact schemes, over their settings", tests=10_000_000, full=1_000_000_000)
 def all_schemes(rays: int, rng: np.random.Generator) -> Findings:
-    """Leaf and bits of t against naive's; `occluded` against `trace`."""
+    """Leaf and bits of t against naive's; `occluded` against `trace`. Rays go by the scheme, in one
+    of its settings, that answers them."""
     others = [scheme for scheme in EXACT if scheme.name != "naive"]
     tallies = {
         (scheme.name, precision): Tally("X13", f"{scheme.name}, {precision}", "other bits")
         for scheme, precision in itertools.product(others, PRECISIONS)
     }
-    for number, tree, batch in solids(rays // len(PRECISIONS), rng):
+    total = -(-rays // (len(tallies) * SETTINGS_A_TREE))
+    for number, tree, batch in solids(total, rng, per_tree=4_000):
         for precision in PRECISIONS:
             numerics = {"precision": precision}
             truth = tracers.make("naive", tree, numerics).trace(batch)
             t, leaf = truth.t, truth.leaf
             for scheme in others:
                 grid = settings(scheme)
-                for k in range(3):  # of the settings, three a tree
-                    params = grid[(3 * number + k) % len(grid)]
+                for k in range(SETTINGS_A_TREE):
+                    params = grid[(SETTINGS_A_TREE * number + k) % len(grid)]
                     tracer = tracers.make(scheme.name, tree, params | numerics)
                     wrong = unlike(tracer.trace(batch), t, leaf)
                     wrong += int((tracer.occluded(batch).astype(bool) != (leaf >= 0)).sum())

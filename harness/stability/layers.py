@@ -113,7 +113,7 @@ def tangent_within_guard(layers, unit: np.ndarray, curvature_radius: float) -> n
     return ((layers.cosine < least) & np.isfinite(layers.t)).any(axis=1)
 
 
-@row("X7", "surfaces that are one but for rounding", tests=30_000, full=3_000_000)
+@row("X7", "surfaces that are one but for rounding", tests=30_000, full=3_600_000)
 def coincident(rays: int, rng: np.random.Generator) -> Findings:
     cases = [*itertools.product(PRIMITIVES, ["same text", *CHAINS])]
     share = max(rays // (2 * (len(cases) + len(FLUSH))), 1)

@@ -99,7 +99,7 @@ def _cylinder(rng: np.random.Generator) -> Convex:
     return Cylinder(1.0, powers(rng, -3, 3, ()))
 
 
-@row("X1", "sphere and cylinder: grazed from far", tests=60_000, full=10_000_000)
+@row("X1", "sphere and cylinder: grazed from far", tests=100_000, full=10_000_000)
 def quadrics(n: int, rng: np.random.Generator) -> Findings:
     bars = {"float64": 4, "float32": 4}
     n = n // 8
@@ -139,7 +139,7 @@ def _along_generator(rng: np.random.Generator, cone: Convex, n: int) -> Aim:
     return point + off * out, rng.choice([-1.0, 1.0], (n, 1)) * unit(along)
 
 
-@row("X2", "cone: at its apex, along a generator", tests=60_000, full=10_000_000)
+@row("X2", "cone: at its apex, along a generator", tests=100_000, full=10_000_000)
 def cones(n: int, rng: np.random.Generator) -> Findings:
     bars = {"float64": 4, "float32": 8}
     n = n // 10

@@ -75,7 +75,7 @@ def run(console: Console, names: Sequence[str], most: int, folder: Path) -> None
                     sum(getattr(f, key) for f in found) for key in ("rays", "excused")
                 )
                 said += f"; {count:,} rays, {excused / max(count, 1):.2%} excused"
-            if not _is_kept(kept, name, most + 1):  # a look with few rays costs no result with many
+            if most >= _kept(kept, name).get("rays", -1):  # few cost no result with many
                 _keep(kept, name, most, found)
             console.print(f"{name}: {said}, {time.monotonic() - start:.0f} s", highlight=False)
             progress.advance(task)
@@ -101,7 +101,8 @@ def _kept(folder: Path, name: str) -> dict:
 
 
 def _is_kept(folder: Path, name: str, most: int) -> bool:
-    return _kept(folder, name).get("rays", -1) >= most
+    enough = min(most, rows()[name].full) if name in rows() else most
+    return _kept(folder, name).get("rays", -1) >= enough
 
 
 def load(folder: Path) -> Outcome:
@@ -173,7 +174,7 @@ def summary_table(outcome: Outcome) -> Table:
         worst = max(rated, key=lambda f: f.worst / f.bar if f.bar else np.inf, default=None)
         unmet = [f for f in of_row if not f.met]
         values.append([
-            name, row.title, sum(f.rays for f in of_row),
+            name, row.title, sum(f.rays for f in of_row if not f.measured.startswith("time")),
             worst and f"{worst.worst:.3g} of {worst.bar:g} {worst.measured.rpartition(', ')[2]}",
             sum(f.failures for f in of_row), sum(f.excused for f in of_row),
             "green" if not unmet else f"red: {len(unmet)} of {len(of_row)} cases: "

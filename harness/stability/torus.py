@@ -89,7 +89,7 @@ _SHAPES = {
 }
 
 
-@row("X3", "torus: grazed from far, thin to self-touching", tests=60_000, full=10_000_000)
+@row("X3", "torus: grazed from far, thin to self-touching", tests=130_000, full=10_000_000)
 def tori(n: int, rng: np.random.Generator) -> Findings:
     for precision, (farthest, scales) in REACH.items():
         seconds = rays = 0
