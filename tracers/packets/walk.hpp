@@ -192,9 +192,7 @@ class Walker {
       }
       const Eight enter = greater_of(greater_of(from[0], from[1]), greater_of(from[2], Eight{}));
       const Eight exit = lesser_of(lesser_of(to[0], to[1]), lesser_of(to[2], eight_of(limit)));
-      const int pushed = top;
       top += stack.push(top, enter, exit, node, octant);
-      for (int i = top - 1; i >= pushed && i >= top - 3; --i) fetch(stack.link[i]);
     }
     stack.top = 0;
     return 0;

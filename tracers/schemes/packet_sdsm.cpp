@@ -5,7 +5,7 @@
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
 //   boxes         tight | cells: shrunk, or as the octree has them.
-//   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes at once.
+//   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes or 16 atoms at once.
 //   instructions  avx512 | avx2 | sse4: no wider than these.
 #include <bit>
 
