@@ -1,5 +1,6 @@
 #include "build.hpp"
 
+#include <cstring>
 #include <optional>
 
 #include "../csg/sbound.hpp"
@@ -18,8 +19,6 @@ bool is_similarity(const Mat3& m) {
   return small(dot(m.col[1], m.col[1]) - scale) && small(dot(m.col[2], m.col[2]) - scale) &&
          small(dot(m.col[0], m.col[1])) && small(dot(m.col[0], m.col[2])) && small(dot(m.col[1], m.col[2]));
 }
-
-AtomKind slab_of(int axis) { return static_cast<AtomKind>(static_cast<int>(AtomKind::SlabX) + axis); }
 
 /// The height from which a wall is reckoned: its apex, where its radius is rounded as a small number, if that is near.
 double wall_origin(const Frame& frame) {
@@ -58,7 +57,6 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
     frame.offset[i] = offset[i];
     for (int j = 0; j < 3; ++j) {
       frame.row[i][j] = per_size[i] * unit * leaf.local_from_world.col[j][i];
-      frame.narrow[i][j] = static_cast<float>(frame.row[i][j]);
     }
   }
   if (leaf.kind == Kind::Sphere && is_similarity(leaf.local_from_world)) {
@@ -68,11 +66,14 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
       for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
     frame.shape[0] = per_radius;
   }
-  for (int i = 0; i < 2; ++i) frame.narrow_shape[i] = static_cast<float>(frame.shape[i]);
-  if (leaf.kind == Kind::Cone)
-    frame.narrow_shape[0] = static_cast<float>(frame.shape[0] + frame.shape[1] * wall_origin(frame));
   return frame;
 }
+
+/// A box with its octants' node, or with ~ of its cell.
+struct Boxed {
+  float side[6];  ///< low on x, y, z; high on x, y, z
+  std::int32_t link;
+};
 
 /// Units and the middle of the world.
 struct Scale {
@@ -91,31 +92,41 @@ class Structure::CellMaker {
       : tree_(tree), frames_(frames), scale_(scale), tight_(tight), classifier_(tree) {}
 
   struct Batch {
-    std::vector<Node>
-        nodes;  ///< one for each cell of the octree; one with its low side above its high has nothing to be found in it
-    std::vector<Cell> cells;
-    std::vector<Atom> atoms;
-    std::vector<Operator> operators;
+    std::vector<Boxed>
+        boxes;  ///< one for each cell of the octree; one with its low side above its high has nothing to be found in it
+    std::vector<Line> cells;
+    Made made{};
   };
 
   void add(TreeView tree, const Box& cell, Batch& out) {
     out_ = &out;
     margin_ = scale_.margin * cell.half().x;
     const Box box = tight_ ? tighten(tree, cell) : cell;
-    Node node{};
-    node.side[0] = 1, node.side[3] = 0;
+    Boxed boxed{};
+    boxed.side[0] = 1, boxed.side[3] = 0;
     if (!box.empty() && classifier_.localize(tree, box, kept_, margin_) == Class::Partial) {
       const Box entered = box.padded(margin_ / 2);
       for (int axis = 0; axis < 3; ++axis) {
-        node.side[axis] = static_cast<float>((entered.lo[axis] - scale_.middle[axis]) / scale_.unit);
-        node.side[3 + axis] = static_cast<float>((entered.hi[axis] - scale_.middle[axis]) / scale_.unit);
+        boxed.side[axis] = static_cast<float>((entered.lo[axis] - scale_.middle[axis]) / scale_.unit);
+        boxed.side[3 + axis] = static_cast<float>((entered.hi[axis] - scale_.middle[axis]) / scale_.unit);
       }
-      out.cells.push_back(cell_of(kept_, box, cell));
+      boxed.link = static_cast<std::int32_t>(out.cells.size());
+      add_cell(kept_, box, cell);
     }
-    out.nodes.push_back(node);
+    out.boxes.push_back(boxed);
   }
 
  private:
+  /// An atom of a leaf, and the axes of the leaf's frame that it is about.
+  struct AtomOf {
+    AtomKind kind;
+    int first_axis, end_axis;
+  };
+  struct MadeAtom {
+    Atom atom;
+    float floats[16];
+  };
+
   /// The part of a cell where its tree is not constant: by the S-bound of its root, then slice by slice.
   Box tighten(TreeView tree, Box box) {
     sbounds(tree_, tree, box, SBoundPasses::One, bounds_);
@@ -136,7 +147,7 @@ class Structure::CellMaker {
     return box;
   }
 
-  Cell cell_of(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
+  void add_cell(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
     Cell cell{};
     const Vec3 centre = (1 / scale_.unit) * (box.center() - scale_.middle);
     for (int axis = 0; axis < 3; ++axis) {
@@ -145,8 +156,7 @@ class Structure::CellMaker {
       cell.hi[axis] = static_cast<float>((whole.hi[axis] - box.center()[axis]) / scale_.unit);
     }
     const double reach = length(box.padded(margin_).half()) / scale_.unit;
-    cell.first_atom = static_cast<std::uint32_t>(out_->atoms.size());
-    cell.first_operator = static_cast<std::uint32_t>(out_->operators.size());
+    atoms_.clear();
     // Wide against what rounding costs, narrow against the margin, and against what lies close together.
     const double margin = margin_ / scale_.unit;
     cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 32, margin / 8));
@@ -184,45 +194,82 @@ class Structure::CellMaker {
       bool atom_flip = flip;
       if (root) slot = add_operator(0, false);
       const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
-      AtomKind kinds[3];
-      const int count = atoms_of(leaf, box, kinds);
+      AtomOf parts[3];
+      const int count = atoms_of(leaf, box, parts);
       if (count > 1) {  // an intersection of atoms, where unions are made
         if (!flip) slot = add_operator(slot, true);
         atom_flip = true;
       }
       for (int k = 0; k < count; ++k)
-        add_atom(cell, leaf, node.leaf(), kinds[k], slot, atom_flip, negative, centre, reach);
+        add_atom(cell, leaf, node.leaf(), parts[k], slot, atom_flip, negative, centre, reach);
       if (count == 0) cell.trusted = false;
     }
     const auto last = static_cast<std::uint16_t>(operators.size() - 1);
-    cell.atoms = static_cast<std::uint16_t>(out_->atoms.size() - cell.first_atom);
-    cell.operators = static_cast<std::uint16_t>(operators.size());
-    if (cell.atoms > kMostAtoms || cell.operators > kMostOperators) cell.trusted = false;
+    ++out_->made.cells;
+    if (atoms_.size() > kMostAtoms || operators.size() > kMostOperators) cell.trusted = false;
     if (!cell.trusted) {
-      out_->atoms.resize(cell.first_atom);
-      return cell;
+      ++out_->made.untrusted;
+      return write(cell, {}, {}, {});
     }
+    out_->made.atoms += atoms_.size();
+    cell.atoms = static_cast<std::uint8_t>(atoms_.size());
+    cell.operators = static_cast<std::uint8_t>(operators.size());
+    std::ranges::stable_sort(atoms_, {}, [](const MadeAtom& one) { return one.atom.kind; });
+    std::vector<Atom> atoms;
     for (std::size_t i = 0; i < cell.atoms; ++i) {
-      Atom& atom = out_->atoms[cell.first_atom + i];
+      Atom& atom = atoms_[i].atom;
       operators[atom.parent].atoms |= std::uint64_t{1} << i;
       cell.flipped |= std::uint64_t{atom.flip != 0} << i;
       cell.negative |= std::uint64_t{atom.negative} << i;
       atom.parent = static_cast<std::uint16_t>(last - atom.parent);
+      atoms.push_back(atom);
     }
-    for (std::size_t i = operators.size(); i-- > 0;)
-      out_->operators.push_back(
-          {static_cast<std::uint16_t>(last - operators[i].parent), operators[i].flip, operators[i].atoms});
-    return cell;
+    std::ranges::reverse(operators);
+    for (Operator& one : operators) one.parent = static_cast<std::uint16_t>(last - one.parent);
+    const std::vector<float> floats = floats_of_kinds(cell);
+    write(cell, operators, atoms, floats);
+  }
+
+  /// Side by side, from a new line on.
+  void write(const Cell& cell, std::span<const Operator> operators, std::span<const Atom> atoms,
+             std::span<const float> floats) {
+    const std::size_t first = out_->cells.size();
+    const std::size_t bytes = sizeof cell + operators.size_bytes() + atoms.size_bytes() + floats.size_bytes();
+    out_->cells.resize(first + (bytes + sizeof(Line) - 1) / sizeof(Line));
+    std::uint8_t* to = out_->cells[first].bytes;
+    const auto put = [&](const void* from, std::size_t count) {
+      if (count > 0) std::memcpy(to, from, count);
+      to += count;
+    };
+    put(&cell, sizeof cell);
+    put(operators.data(), operators.size_bytes());
+    put(atoms.data(), atoms.size_bytes());
+    put(floats.data(), floats.size_bytes());
+  }
+
+  /// Kind by kind, and of a kind all atoms' first floats, then all second ones.
+  std::vector<float> floats_of_kinds(Cell& cell) const {
+    std::vector<float> floats;
+    for (std::size_t first = 0; first < atoms_.size();) {
+      const auto kind = static_cast<std::size_t>(atoms_[first].atom.kind);
+      std::size_t end = first;
+      while (end < atoms_.size() && atoms_[end].atom.kind == atoms_[first].atom.kind) ++end;
+      for (int k = 0; k < kFloatsOf[kind]; ++k)
+        for (std::size_t i = first; i < end; ++i) floats.push_back(atoms_[i].floats[k]);
+      cell.of_kind[kind] = static_cast<std::uint8_t>(end - first);
+      first = end;
+    }
+    return floats;
   }
 
   /// The atoms of a leaf that cut the box; those that hold all of it are dropped.
-  int atoms_of(const Leaf& leaf, const Box& box, AtomKind kinds[3]) const {
+  int atoms_of(const Leaf& leaf, const Box& box, AtomOf parts[3]) const {
     switch (leaf.kind) {
       case Kind::Sphere:
-        kinds[0] = is_similarity(leaf.local_from_world) ? AtomKind::Ball : AtomKind::Ellipsoid;
+        parts[0] = {is_similarity(leaf.local_from_world) ? AtomKind::Ball : AtomKind::Ellipsoid, 0, 3};
         return 1;
       case Kind::Torus:
-        kinds[0] = AtomKind::Torus;
+        parts[0] = {AtomKind::Torus, 0, 3};
         return 1;
       case Kind::Block:
       case Kind::Cylinder:
@@ -244,16 +291,18 @@ class Structure::CellMaker {
     int count = 0;
     if (leaf.kind == Kind::Block) {
       for (int axis = 0; axis < 3; ++axis)
-        if (!(most[axis] < size[axis])) kinds[count++] = slab_of(axis);
+        if (!(most[axis] < size[axis])) parts[count++] = {AtomKind::Slab, axis, axis + 1};
       return count;
     }
-    if (!enclosed) kinds[count++] = leaf.kind == Kind::Cone ? AtomKind::Wall : AtomKind::Tube;
-    if (!(most[2] < size[leaf.kind == Kind::Cone ? 2 : 1])) kinds[count++] = AtomKind::SlabZ;
+    if (!enclosed)
+      parts[count++] = leaf.kind == Kind::Cone ? AtomOf{AtomKind::Wall, 0, 3} : AtomOf{AtomKind::Tube, 0, 2};
+    if (!(most[2] < size[leaf.kind == Kind::Cone ? 2 : 1])) parts[count++] = {AtomKind::Slab, 2, 3};
     return count;
   }
 
-  void add_atom(Cell& cell, const Leaf& leaf, std::int32_t number, AtomKind kind, std::uint16_t slot, bool flip,
+  void add_atom(Cell& cell, const Leaf& leaf, std::int32_t number, const AtomOf& part, std::uint16_t slot, bool flip,
                 bool negative, const Vec3& centre, double reach) {
+    const auto [kind, first, end] = part;
     const Frame& frame = frames_[static_cast<std::size_t>(number)];
     Atom atom{};
     atom.kind = kind;
@@ -261,13 +310,13 @@ class Structure::CellMaker {
     atom.parent = slot;
     atom.flip = flip ? 0xffff : 0;
     atom.negative = negative;
-    const auto [first, end] = kAxes[static_cast<int>(kind)];
-    double error = 0, far = 0;
+    atom.first_axis = static_cast<std::uint8_t>(first), atom.end_axis = static_cast<std::uint8_t>(end);
+    double in_frame[3], error = 0, far = 0;
     for (int i = 0; i < 3; ++i) {
       double c = 0;
       for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
       if (kind == AtomKind::Wall && i == 2) c -= wall_origin(frame);
-      atom.centre[i] = static_cast<float>(c);
+      in_frame[i] = c;
       if (i < first || i >= end) continue;
       // A wall feels an error of z by its slope only.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
@@ -277,22 +326,32 @@ class Structure::CellMaker {
     }
     error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
     const double window = static_cast<double>(cell.window);
+    atoms_.push_back({atom, {}});
+    float* floats = atoms_.back().floats;
+    const auto add = [&](double x) { *floats++ = static_cast<float>(x); };
+    if (kind != AtomKind::Ball)
+      for (int i = first; i < end; ++i)
+        for (const double x : frame.row[i]) add(x);
+    for (int i = first; i < end; ++i) add(in_frame[i]);
+    if (kind == AtomKind::Ball) add(frame.shape[0]);
     if (kind == AtomKind::Torus) {
       // The line may be off by `error`; that costs the slope at the surface, 8 r. The rest is rounding of the
       // quartic's coefficients, of which the first is small where the torus is near.
       const double minor = leaf.size[1] / leaf.size[0], along = norm(frame.row[0]) * reach;
       const double near = 1.5 * along + minor;
-      atom.size =
-          static_cast<float>(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
+      add(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
+      add(0);
+      add(minor);
+      add(negative ? -1 : 1);
       // A tube hardly thicker than the window has no slope to speak of.
       if (minor < 16 * window * norm(frame.row[0])) cell.trusted = false;
     } else {
       error = (kind == AtomKind::Wall ? 4 : 1) * error + 4 * kFloat;
-      atom.size = static_cast<float>(negative ? 1 - error : 1 + error);
-      atom.graze = static_cast<float>(2 * error / window);
+      add(negative ? 1 - error : 1 + error);
+      add(2 * error / window);
+      if (kind == AtomKind::Wall) add(frame.shape[0] + frame.shape[1] * wall_origin(frame)), add(frame.shape[1]);
     }
     if (!(error < 0x1p-8)) cell.trusted = false;
-    out_->atoms.push_back(atom);
   }
 
   const CsgTree& tree_;
@@ -304,120 +363,80 @@ class Structure::CellMaker {
   double margin_ = 0;
   std::vector<Box> bounds_;
   std::vector<TreeNode> kept_, localized_;
+  std::vector<MadeAtom> atoms_;  // of the cell
 };
 
 namespace {
 
-/// The boxes above the cells. Children stand together, after those of their older siblings; a box with one child is
-/// that child.
+/// The boxes above the cells; a box with one octant is that octant's. Nodes stand behind those below them, but for the
+/// first.
 class NodeMaker {
  public:
-  NodeMaker(const Octree& octree, std::span<const Node> cells, std::vector<Node>& nodes)
+  NodeMaker(const Octree& octree, std::span<const Boxed> cells, std::vector<Node, LargePages<Node>>& nodes)
       : octree_(octree), cells_(cells), nodes_(nodes) {
-    nodes_.push_back({});  // the place of the root
-    if (const std::optional<Node> root = make(octree.root()))
-      nodes_[0] = *root;
+    nodes_.push_back(kNone);
+    if (const std::optional<Boxed> root = make(octree.root()))
+      put(*root, 0, nodes_[0]);
     else
       nodes_.clear();
   }
 
  private:
-  std::optional<Node> make(Octree::Link link) {
-    if (octree_.is_cell(link)) {
-      if (!octree_.cell(link).is_partial()) return std::nullopt;
-      const Node& cell = cells_[octree_.cell(link).tree()];
-      if (!(cell.side[0] <= cell.side[3])) return std::nullopt;
-      return cell;
-    }
-    Node children[8], node{};
-    int count = 0;
-    unsigned octants = 0;
-    for (int i = 0; i < 8; ++i) {
-      if (const std::optional<Node> child = make(octree_.child(link, i))) {
-        octants |= 1u << i;
-        children[count++] = *child;
-      }
-    }
-    if (count == 0) return std::nullopt;
-    node = children[0];
-    if (count == 1) return node;
-    for (const Node& child : std::span(children, static_cast<std::size_t>(count))) {
-      for (int axis = 0; axis < 3; ++axis) {
-        node.side[axis] = std::min(node.side[axis], child.side[axis]);
-        node.side[3 + axis] = std::max(node.side[3 + axis], child.side[3 + axis]);
-      }
-    }
-    node.octants = octants;
-    node.link = static_cast<std::int32_t>(nodes_.size());
-    nodes_.insert(nodes_.end(), children, children + count);
-    return node;
-  }
-
-  const Octree& octree_;
-  std::span<const Node> cells_;
-  std::vector<Node>& nodes_;
-};
-
-/// The boxes of each divided node's octants side by side; nodes stand in the order in which they are met.
-class Widener {
- public:
-  Widener(std::span<const Node> nodes, std::vector<WideNode>& wide) : nodes_(nodes), wide_(wide) {
-    const Node& root = nodes_[0];
-    if (root.octants != 0)
-      widen(root);
-    else
-      put(root, 0, wide_[add()]);
-  }
-
- private:
-  std::size_t add() {
-    WideNode none{};
+  static constexpr Node kNone = [] {
+    Node none{};
     for (int axis = 0; axis < 3; ++axis) {
       std::ranges::fill(none.side[axis], std::numeric_limits<float>::infinity());
       std::ranges::fill(none.side[3 + axis], -std::numeric_limits<float>::infinity());
     }
-    wide_.push_back(none);
-    return wide_.size() - 1;
+    return none;
+  }();
+
+  static void put(const Boxed& boxed, int octant, Node& in) {
+    for (int side = 0; side < 6; ++side) in.side[side][octant] = boxed.side[side];
+    in.link[octant] = boxed.link;
+    in.octants |= 1u << octant;
   }
 
-  static void put(const Node& node, int slot, WideNode& in) {
-    for (int side = 0; side < 6; ++side) in.side[side][slot] = node.side[side];
-    in.link[slot] = ~node.link;
-  }
-
-  std::int32_t widen(const Node& node) {
-    const std::size_t at = add();
-    auto child = static_cast<std::size_t>(node.link);
-    for (int octant = 0; octant < 8; ++octant) {
-      if (!(node.octants >> octant & 1)) continue;
-      const Node& in = nodes_[child++];
-      put(in, octant, wide_[at]);
-      if (in.octants != 0) {
-        const std::int32_t link = widen(in);
-        wide_[at].link[octant] = link;
+  std::optional<Boxed> make(Octree::Link link) {
+    if (octree_.is_cell(link)) {
+      if (!octree_.cell(link).is_partial()) return std::nullopt;
+      const Boxed& cell = cells_[octree_.cell(link).tree()];
+      if (!(cell.side[0] <= cell.side[3])) return std::nullopt;
+      return cell;
+    }
+    Node node = kNone;
+    Boxed around{};
+    for (int i = 0; i < 8; ++i) {
+      const std::optional<Boxed> octant = make(octree_.child(link, i));
+      if (!octant) continue;
+      if (node.octants == 0) around = *octant;
+      put(*octant, i, node);
+      for (int axis = 0; axis < 3; ++axis) {
+        around.side[axis] = std::min(around.side[axis], octant->side[axis]);
+        around.side[3 + axis] = std::max(around.side[3 + axis], octant->side[3 + axis]);
       }
     }
-    return static_cast<std::int32_t>(at);
+    if (node.octants == 0) return std::nullopt;
+    if ((node.octants & (node.octants - 1)) == 0) return around;
+    around.link = static_cast<std::int32_t>(nodes_.size());
+    nodes_.push_back(node);
+    return around;
   }
 
-  std::span<const Node> nodes_;
-  std::vector<WideNode>& wide_;
+  const Octree& octree_;
+  std::span<const Boxed> cells_;
+  std::vector<Node, LargePages<Node>>& nodes_;
 };
 
 }  // namespace
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, Together together,
+Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, int few,
                      std::size_t threads) {
   if (tree.world().empty()) return;
   build(tree, octree, margin, tight, threads);
-  if (together == Together::One && !nodes_.empty()) {
-    Widener(nodes_, wide_);
-    nodes_ = {};
-    wide_.shrink_to_fit();
-  }
-  cells_.shrink_to_fit(), atoms_.shrink_to_fit(), operators_.shrink_to_fit();
-  model_.nodes = nodes_.data(), model_.wide = wide_.data(), model_.cells = cells_.data(), model_.atoms = atoms_.data();
-  model_.operators = operators_.data(), model_.frames = frames_.data();
+  nodes_.shrink_to_fit(), cells_.shrink_to_fit();
+  model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.frames = frames_.data();
+  model_.few = few;
 }
 
 void Structure::build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads) {
@@ -445,35 +464,28 @@ void Structure::build(const CsgTree& tree, const Octree& octree, double margin, 
       makers[thread].add(octree.trees().tree(k), boxes[k], batches[i]);
   });
 
-  std::vector<Node> leaves;
+  std::vector<Boxed> boxed;
   for (const CellMaker::Batch& batch : batches) {
-    std::size_t made = 0;
-    for (Node node : batch.nodes) {
-      node.link = static_cast<std::int32_t>(cells_.size());
-      leaves.push_back(node);
-      if (!(node.side[0] <= node.side[3])) continue;
-      Cell cell = batch.cells[made++];
-      cell.first_atom += static_cast<std::uint32_t>(atoms_.size());
-      cell.first_operator += static_cast<std::uint32_t>(operators_.size());
-      cells_.push_back(cell);
+    const auto first = static_cast<std::int32_t>(cells_.size());
+    for (Boxed box : batch.boxes) {
+      box.link = ~(first + box.link);
+      boxed.push_back(box);
     }
-    atoms_.insert(atoms_.end(), batch.atoms.begin(), batch.atoms.end());
-    operators_.insert(operators_.end(), batch.operators.begin(), batch.operators.end());
+    cells_.insert(cells_.end(), batch.cells.begin(), batch.cells.end());
+    made_.cells += batch.made.cells, made_.untrusted += batch.made.untrusted, made_.atoms += batch.made.atoms;
   }
-  NodeMaker(octree, leaves, nodes_);
+  cells_.resize(cells_.size() + 1);
+  NodeMaker(octree, boxed, nodes_);
 }
 
 std::size_t Structure::bytes() const {
-  return nodes_.size() * sizeof(Node) + wide_.size() * sizeof(WideNode) + cells_.size() * sizeof(Cell) +
-         atoms_.size() * sizeof(Atom) + operators_.size() * sizeof(Operator) + frames_.size() * sizeof(Frame);
+  return nodes_.size() * sizeof(Node) + cells_.size() * sizeof(Line) + frames_.size() * sizeof(Frame);
 }
 
 void Structure::describe(std::map<std::string, double>& facts) const {
-  std::size_t untrusted = 0;
-  for (const Cell& cell : cells_) untrusted += !cell.trusted;
-  facts["packet_cells"] = static_cast<double>(cells_.size());
-  facts["untrusted_cells"] = static_cast<double>(untrusted);
-  facts["mean_atoms"] = cells_.empty() ? 0 : static_cast<double>(atoms_.size()) / static_cast<double>(cells_.size());
+  facts["packet_cells"] = static_cast<double>(made_.cells);
+  facts["untrusted_cells"] = static_cast<double>(made_.untrusted);
+  facts["mean_atoms"] = made_.cells == 0 ? 0 : static_cast<double>(made_.atoms) / static_cast<double>(made_.cells);
 }
 
 }  // namespace csg::packets

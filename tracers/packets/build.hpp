@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "../error_unit.hpp"
+#include "../large_pages.hpp"
 #include "../structures/octree.hpp"
 #include "packet_model.hpp"
 
@@ -14,30 +15,34 @@ namespace csg::packets {
 /// enter by, and a 32nd to an 8th to what floats may be wrong by.
 constexpr double margin_for(Precision precision) { return precision == Precision::Float64 ? 0x1p-4 : 0x1p-3; }
 
+/// So few rays of a packet, below a node or in a cell, go on one at a time. With two or three, where models are large,
+/// as little time is lost; more where they are small.
+inline constexpr int kFew = 1;
+
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {
  public:
   /// `tight`: shrink the cells' boxes to where their trees are not constant. The same for any number of threads.
-  /// `margin` is that of the octree's trees.
-  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, Together together,
-            std::size_t threads);
+  /// `margin` is that of the octree's trees; `few` rays go one at a time.
+  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, int few, std::size_t threads);
 
   const Model& model() const { return model_; }
-  bool empty() const { return cells_.empty(); }
+  bool empty() const { return nodes_.empty(); }
   std::size_t bytes() const;
   void describe(std::map<std::string, double>& facts) const;
 
  private:
   class CellMaker;
+  struct Made {
+    std::size_t cells, untrusted, atoms;
+  };
   void build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
 
-  std::vector<Node> nodes_;
-  std::vector<WideNode> wide_;
-  std::vector<Cell> cells_;
-  std::vector<Atom> atoms_;
-  std::vector<Operator> operators_;
+  std::vector<Node, LargePages<Node>> nodes_;
+  std::vector<Line, LargePages<Line>> cells_;
   std::vector<Frame> frames_;
   Model model_{};
+  Made made_{};
 };
 
 }  // namespace csg::packets

@@ -1,7 +1,8 @@
-// Eight floats side by side, for what one ray does with eight boxes or eight atoms at once. Bits are of a mask, the
-// lowest for the first.
+// Eight floats side by side, for one ray that tests eight boxes at once.
 #pragma once
-#include "lane.hpp"
+#include <immintrin.h>
+
+#include <cstring>
 
 namespace {
 
@@ -11,7 +12,6 @@ constexpr int kEach = 8;
 constexpr int kEach = 4;
 #endif
 using FloatsOf = float __attribute__((vector_size(4 * kEach)));
-using IntsOf = std::int32_t __attribute__((vector_size(4 * kEach)));
 
 struct alignas(32) Eight {
   FloatsOf part[8 / kEach];
@@ -38,42 +38,17 @@ inline Eight lesser_of(const Eight& a, const Eight& b) {
   return each_eight([](auto x, auto y) { return x < y ? x : y; }, a, b);
 }
 
-inline unsigned signs(IntsOf m) {
-#if defined(__AVX__)
-  return static_cast<unsigned>(_mm256_movemask_ps((__m256)m));
-#else
-  return static_cast<unsigned>(_mm_movemask_ps((__m128)m));
-#endif
-}
+/// One bit for each, the lowest for the first.
 inline unsigned at_most(const Eight& a, const Eight& b) {
   unsigned out = 0;
-  for (int i = 0; i < 8 / kEach; ++i) out |= signs(a.part[i] <= b.part[i]) << i * kEach;
-  return out;
-}
-inline unsigned less(const Eight& a, const Eight& b) {
-  unsigned out = 0;
-  for (int i = 0; i < 8 / kEach; ++i) out |= signs(a.part[i] < b.part[i]) << i * kEach;
-  return out;
-}
-inline Eight select(unsigned bits, const Eight& yes, const Eight& no) {
-  constexpr std::int32_t kBit[] = {1, 2, 4, 8, 16, 32, 64, 128};
-  Eight out;
   for (int i = 0; i < 8 / kEach; ++i) {
-    IntsOf bit;
-    std::memcpy(&bit, kBit + i * kEach, sizeof bit);
-    out.part[i] = ((static_cast<std::int32_t>(bits) - IntsOf{}) & bit) != 0 ? yes.part[i] : no.part[i];
+#if defined(__AVX__)
+    out |= static_cast<unsigned>(_mm256_movemask_ps((__m256)(a.part[i] <= b.part[i]))) << i * kEach;
+#else
+    out |= static_cast<unsigned>(_mm_movemask_ps((__m128)(a.part[i] <= b.part[i]))) << i * kEach;
+#endif
   }
   return out;
-}
-inline float least(const Eight& a) {
-  using Four = float __attribute__((vector_size(16)));
-  using FourInts = std::int32_t __attribute__((vector_size(16)));
-  Four half[2];
-  std::memcpy(half, &a, sizeof half);
-  const auto less_of = [](auto x, auto y) { return x < y ? x : y; };
-  const Four four = less_of(half[0], half[1]);
-  const Four two = less_of(four, __builtin_shuffle(four, FourInts{2, 3, 0, 1}));
-  return less_of(two[0], two[1]);
 }
 
 }  // namespace

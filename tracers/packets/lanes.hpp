@@ -1,5 +1,5 @@
-// Sixteen rays side by side: lanes of float, int and double in as many registers as they take, and masks of one bit
-// a lane.
+// Sixteen rays side by side, or sixteen atoms: lanes of float, int and double in as many registers as they take, and
+// masks of one bit a lane.
 //
 // Included by walk_v2.cpp, walk_v3.cpp and walk_v4.cpp, which are compiled for three instruction sets.
 // Everything here has internal linkage, so that no function for AVX-512 can be linked into code that
@@ -33,7 +33,11 @@ struct Wide {
 
   Register part[kParts];
 
-  Scalar operator[](int i) const { return part[i / kEach][i % kEach]; }
+  Scalar operator[](int i) const {
+    Scalar lane;
+    std::memcpy(&lane, reinterpret_cast<const char*>(part) + static_cast<unsigned>(i) * sizeof lane, sizeof lane);
+    return lane;
+  }
 };
 using F = Wide<float>;
 using I = Wide<std::int32_t>;
@@ -171,6 +175,27 @@ inline F away_from_zero(const F& a) {
     return (FloatRegister)((IntRegister)size | ((IntRegister)x & static_cast<std::int32_t>(0x80000000)));
   };
   return each<float>(one, a, max(magnitude(a), all(1e-20f)));
+}
+
+inline F load(const float* from) {
+  F out;
+  std::memcpy(&out, from, sizeof out);
+  return out;
+}
+inline void store(const F& a, float* to) { std::memcpy(to, &a, sizeof a); }
+
+inline float least(const F& a) {
+  using Four = float __attribute__((vector_size(16)));
+  using FourInts = std::int32_t __attribute__((vector_size(16)));
+  const auto less_of = [](auto x, auto y) { return x < y ? x : y; };
+  FloatRegister least = a.part[0];
+  for (int i = 1; i < F::kParts; ++i) least = less_of(least, a.part[i]);
+  Four part[kRegister / 16];
+  std::memcpy(part, &least, sizeof part);
+  Four four = part[0];
+  for (int i = 1; i < kRegister / 16; ++i) four = less_of(four, part[i]);
+  const Four two = less_of(four, __builtin_shuffle(four, FourInts{2, 3, 0, 1}));
+  return less_of(two[0], two[1]);
 }
 
 /// Two halves of a register side by side, and each of them again.

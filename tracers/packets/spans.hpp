@@ -1,6 +1,8 @@
-// Where rays meet an atom: its interval along each ray of a packet, in floats from the point of the ray nearest
-// the cell's centre. After lanes.hpp, or lane.hpp for rays one at a time.
+// Where rays meet atoms: intervals along rays, in floats from the point of a ray nearest the cell's centre. A lane is a
+// ray of a packet that meets one atom, or an atom that one ray meets: the same code is for either, and an atom's
+// numbers are floats in the first case, lanes in the second.
 #pragma once
+#include "lanes.hpp"
 #include "packet_model.hpp"
 
 namespace {
@@ -17,16 +19,34 @@ struct Packet {
   Mask far;       // origins beyond Model::near
 };
 
-/// One atom's interval along each ray of the packet, within a cell.
-struct Spans {
-  F lo[kMostAtoms], hi[kMostAtoms];
-};
-
-/// A packet's part in a cell, from its point nearest the cell's centre.
+/// Rays' part in a cell, from their points nearest the cell's centre.
 struct Passage {
   F p[3], d[3];
   F enter, exit, start;
-  Mask lanes, near_start;
+  Mask lanes;
+};
+
+/// An atom's numbers one after the other, for the rays of a packet.
+struct OneAtom {
+  const float* next;
+  int atoms;  ///< of its kind in the cell
+
+  float operator()() {
+    const float number = *next;
+    next += atoms;
+    return number;
+  }
+};
+/// Those of so many atoms as there are lanes, for one ray.
+struct AtomEachLane {
+  const float* next;
+  int atoms;
+
+  F operator()() {
+    const F numbers = load(next);
+    next += atoms;
+    return numbers;
+  }
 };
 
 /// Where crossings of a cell's atoms may be, if there are any, of which floats cannot tell more: the ray grazes a
@@ -49,34 +69,69 @@ struct Doubts {
 };
 
 inline F dot3(const F a[3], const F b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-inline F apply(const float row[3], const F v[3]) { return row[0] * v[0] + row[1] * v[1] + row[2] * v[2]; }
+template <class Number>
+inline F apply(const Number row[3], const F v[3]) {
+  return row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+}
+inline float magnitude(float x) { return __builtin_fabsf(x); }
+inline F in_lanes(float x) { return all(x); }
+inline F in_lanes(const F& x) { return x; }
+
+/// Rows of an atom's frame, the cell's centre there, and
+///   size   1 and the rounding, as a larger atom if it adds to the solid, else a smaller;
+///   graze  below this speed towards the surface, rounding may move a crossing by W/2.
+template <class Number, int axes>
+struct Framed {
+  Number row[axes][3], centre[axes], size, graze;
+
+  template <class Read>
+  explicit Framed(Read& read) {
+    for (auto& of_axis : row)
+      for (Number& number : of_axis) number = read();
+    for (Number& number : centre) number = read();
+    size = read(), graze = read();
+  }
+};
+
+/// The lanes in which the solid shrinks where the atom grows.
+template <class Number>
+inline Mask is_negative(const Number& size) {
+  return less(in_lanes(size), all(1.0f));
+}
 
 /// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
-inline float touch(const Atom& atom) { return 8 * __builtin_fabsf(atom.size - 1); }
+template <class Number>
+inline Number touch(const Number& size) {
+  return 8.0f * magnitude(size - 1.0f);
+}
 
 /// The interval of a round atom around the middle of its chord. `inside` times `inverse` is the square of half the
 /// chord, which is off by no more than `rounding` besides.
-inline void chord(const Atom& atom, const F& middle, const F& inside, const F& inverse, const F& rounding,
-                  const Passage& in, Doubts& doubts, F& lo, F& hi) {
+template <class Number>
+[[gnu::always_inline]] inline void chord(const Number& size, const Number& graze, const F& middle, const F& inside,
+                                         const F& inverse, const F& rounding, const Passage& in, Doubts& doubts, F& lo,
+                                         F& hi) {
   const F half = root(max(inside, F{}) * inverse) + rounding;
   const Mask met = less(F{}, inside);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
-  const Mask grazed = in.lanes & less(magnitude(inside), max(atom.graze * atom.graze * inverse, all(touch(atom))));
+  const Mask grazed = in.lanes & less(magnitude(inside), max(graze * graze * inverse, in_lanes(touch(size))));
   if (grazed) [[unlikely]] {
-    const F most = root((max(inside, F{}) + 2 * touch(atom)) * inverse) + magnitude(rounding);
+    const F most = root((max(inside, F{}) + 2.0f * touch(size)) * inverse) + magnitude(rounding);
     doubts.add(grazed, middle - most, middle + most);
   }
 }
 
 /// A quadric that is the unit circle or sphere in `axes` axes of the frame.
-template <int axes>
-inline void round_span(const Atom& atom, const float (*rows)[3], const Passage& in, Doubts& doubts, F& lo, F& hi) {
+template <int axes, class Read>
+[[gnu::always_inline]] inline void round_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  using Number = decltype(read());
+  const Framed<Number, axes> atom(read);
   F x[axes], v[axes];
   F along = F{}, vv = F{};
   for (int i = 0; i < axes; ++i) {
-    x[i] = apply(rows[i], in.p) + atom.centre[i];
-    v[i] = apply(rows[i], in.d);
+    x[i] = apply(atom.row[i], in.p) + atom.centre[i];
+    v[i] = apply(atom.row[i], in.d);
     along += x[i] * v[i];
     vv += v[i] * v[i];
   }
@@ -90,39 +145,44 @@ inline void round_span(const Atom& atom, const float (*rows)[3], const Passage& 
     distance += across * across;
   }
   // Along the axis the middle may be far away, and rounded as coarsely.
-  const float outwards = atom.negative ? -0x1p-21f : 0x1p-21f;
-  chord(atom, middle, atom.size * atom.size - distance, inverse, outwards * magnitude(middle), in, doubts, lo, hi);
+  const F outwards = 0x1p-21f * magnitude(middle);
+  chord(atom.size, atom.graze, middle, atom.size * atom.size - distance, inverse,
+        select(is_negative(atom.size), -outwards, outwards), in, doubts, lo, hi);
 }
 
-inline void ball_span(const Atom& atom, float per_radius, const Passage& in, Doubts& doubts, F& lo, F& hi) {
-  F x[3];
-  for (int i = 0; i < 3; ++i) x[i] = per_radius * in.p[i] + atom.centre[i];
-  const float radius = 1 / per_radius;
+/// A ball needs no turning.
+template <class Read>
+[[gnu::always_inline]] inline void ball_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const auto x0 = read(), x1 = read(), x2 = read(), per_radius = read(), size = read(), graze = read();
+  const F x[3] = {per_radius * in.p[0] + x0, per_radius * in.p[1] + x1, per_radius * in.p[2] + x2};
+  const auto radius = 1.0f / per_radius;
   const F along = dot3(x, in.d);
   F distance = F{};
   for (int i = 0; i < 3; ++i) {
     const F across = x[i] - along * in.d[i];
     distance += across * across;
   }
-  chord(atom, -radius * along, atom.size * atom.size - distance, all(radius * radius), F{}, in, doubts, lo, hi);
+  chord(size, graze, -radius * along, size * size - distance, in_lanes(radius * radius), F{}, in, doubts, lo, hi);
 }
 
 /// |z| ≤ 1 along z + s·v.
-inline void slab_span(const Atom& atom, const float row[3], float centre, const Passage& in, Doubts& doubts, F& lo,
-                      F& hi) {
-  const F z = apply(row, in.p) + centre, v = away_from_zero(apply(row, in.d)), inverse = 1.0f / v;
-  const auto between = [&](float size, F& first, F& last) {
+template <class Read>
+[[gnu::always_inline]] inline void slab_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const Framed<decltype(read()), 1> atom(read);
+  const F z = apply(atom.row[0], in.p) + atom.centre[0], v = away_from_zero(apply(atom.row[0], in.d));
+  const F inverse = 1.0f / v;
+  const auto between = [&](const auto& size, F& first, F& last) {
     const F low = (-size - z) * inverse, high = (size - z) * inverse;
     first = min(low, high);
     last = max(low, high);
   };
   between(atom.size, lo, hi);
-  const Mask grazed = in.lanes & less(magnitude(v), all(atom.graze));
+  const Mask grazed = in.lanes & less(magnitude(v), in_lanes(atom.graze));
   if (grazed) [[unlikely]] {
-    const float rounding = __builtin_fabsf(atom.size - 1) + 0x1p-21f;
+    const auto rounding = magnitude(atom.size - 1.0f) + 0x1p-21f;
     F outer_lo, outer_hi, inner_lo, inner_hi;
-    between(1 + rounding, outer_lo, outer_hi);
-    between(1 - rounding, inner_lo, inner_hi);
+    between(1.0f + rounding, outer_lo, outer_hi);
+    between(1.0f - rounding, inner_lo, inner_hi);
     doubts.add(grazed, outer_lo, inner_lo);
     doubts.add(grazed, inner_hi, outer_hi);
   }
@@ -130,23 +190,25 @@ inline void slab_span(const Atom& atom, const float row[3], float centre, const 
 
 /// ρ ≤ w where w ≥ 0, from the roots of ρ² − w². A line flatter than the wall is inside between them, if that
 /// is on the side of the apex where w ≥ 0; a steeper one outside of them, and one root is on that side.
-inline void wall_span(const Atom& atom, const Frame& frame, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+template <class Read>
+inline void wall_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const Framed<decltype(read()), 3> atom(read);
+  const auto radius = read(), slope = read();  // the radius at the height 0 of the frame
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
-    x[i] = apply(frame.narrow[i], in.p) + atom.centre[i];
-    v[i] = apply(frame.narrow[i], in.d);
+    x[i] = apply(atom.row[i], in.p) + atom.centre[i];
+    v[i] = apply(atom.row[i], in.d);
   }
   const F vv = max(dot3(v, v), all(1e-16f)), middle = -dot3(x, v) / vv;
   for (int i = 0; i < 3; ++i) x[i] += middle * v[i];
-  const float slope = frame.narrow_shape[1];
-  const F w = x[2] * slope + (frame.narrow_shape[0] + (atom.size - 1)), dw = v[2] * slope;
+  const F w = x[2] * slope + (radius + (atom.size - 1.0f)), dw = v[2] * slope;
   const F a = v[0] * v[0] + v[1] * v[1] - dw * dw;
   const F b = x[0] * v[0] + x[1] * v[1] - w * dw;
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
   // Rounding as a longer way inside for an atom that adds to the solid: between the roots, or outside of them.
   const Mask steep = less(a, F{}), opens = less(F{}, dw);
   const F longer = 0x1p-21f * (b * b + magnitude(a * c));
-  const F inside = b * b - a * c + select(atom.negative ? ~steep : steep, -longer, longer);
+  const F inside = b * b - a * c + select(is_negative(atom.size) ^ steep, -longer, longer);
   const F square = root(max(inside, F{}));
   const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
@@ -154,8 +216,9 @@ inline void wall_span(const Atom& atom, const Frame& frame, const Passage& in, D
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
   lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
   hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
-  const Mask grazed = in.lanes & (less(magnitude(inside), max(all(atom.graze * atom.graze), touch(atom) * vv)) |
-                                  less(magnitude(a), 1e-4f * vv));
+  const Mask grazed =
+      in.lanes & (less(magnitude(inside), max(in_lanes(atom.graze * atom.graze), touch(atom.size) * vv)) |
+                  less(magnitude(a), 1e-4f * vv));
   if (grazed) [[unlikely]]
     doubts.add(grazed, all(-kNever), all(kNever));
 }
@@ -212,17 +275,19 @@ struct Quartic {
   }
 };
 
-inline void torus_span(const Atom& atom, const Frame& frame, const Passage& in, float window, Doubts& doubts, F& lo,
-                       F& hi) {
+template <class Read>
+inline void torus_span(Read read, const Passage& in, float window, Doubts& doubts, F& lo, F& hi) {
+  // As `size` what the quartic's value may be wrong by. Outwards is 1, or −1 if the atom is negative.
+  const Framed<decltype(read()), 3> atom(read);
+  const auto minor = read(), outwards = read();
   const F middle = 0.5f * (in.enter + in.exit);
   const F wide = 0.5f * (in.exit - in.enter) + all(4 * window);
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
-    v[i] = apply(frame.narrow[i], in.d);
-    x[i] = apply(frame.narrow[i], in.p) + atom.centre[i] + middle * v[i];
+    v[i] = apply(atom.row[i], in.d);
+    x[i] = apply(atom.row[i], in.p) + atom.centre[i] + middle * v[i];
   }
-  const float minor = frame.narrow_shape[0];
-  const F xx = dot3(x, x), alpha = xx + (1 - minor * minor), beta = 2.0f * dot3(x, v), gamma = dot3(v, v);
+  const F xx = dot3(x, x), alpha = xx + (1.0f - minor * minor), beta = 2.0f * dot3(x, v), gamma = dot3(v, v);
   const F q0 = x[0] * x[0] + x[1] * x[1], q1 = 2.0f * (x[0] * v[0] + x[1] * v[1]), q2 = v[0] * v[0] + v[1] * v[1];
   Quartic g;
   // The two factors of alpha² − 4·rho²: what is small near the tube is computed from what is small.
@@ -232,7 +297,7 @@ inline void torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
   g.c[2] = beta * beta + 2.0f * alpha * gamma - 4.0f * q2;
   g.c[3] = 2.0f * beta * gamma;
   g.c[4] = gamma * gamma;
-  const F slack = all(atom.size);
+  const F slack = in_lanes(atom.size);
   Mask above, below, once;
   g.signs(F{}, wide, slack, above, below, once);
   lo = select(below, all(-kNever), all(kNever));
@@ -260,7 +325,6 @@ inline void torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     rest &= ~two;
   }
   // Where it is entered or left, outwards or inwards by what rounding may cost, as long as the slope says so.
-  const F outwards = all<float>(atom.negative ? -1 : 1);
   const auto crossing = [&](Mask of, F from, F to, F side) {
     const F s = g.root_in(from, to, 0.25f * slack, of), value = magnitude(g.at(s)),
             speed = max(magnitude(g.slope(s)), all(1e-20f));
@@ -271,77 +335,90 @@ inline void torus_span(const Atom& atom, const Frame& frame, const Passage& in, 
     return s + side * by;
   };
   if (const Mask entered = (told & ~rises) | two, left_only = told & rises; entered | left_only) {
-    const F s = crossing(entered | left_only, left, select(two, lowest, right), select(left_only, outwards, -outwards));
+    const F s = crossing(entered | left_only, left, select(two, lowest, right),
+                         select(left_only, in_lanes(outwards), in_lanes(-outwards)));
     lo = select(entered, s, select(left_only, all(-kNever), lo));
     hi = select(left_only, s, select(entered, all(kNever), hi));
   }
-  if (two) hi = select(two, crossing(two, lowest, right, outwards), hi);
+  if (two) hi = select(two, crossing(two, lowest, right, in_lanes(outwards)), hi);
   // A ray of which it could not be told is taken to be inside if the torus adds to the solid, else outside.
-  lo = select(rest, all<float>(atom.negative ? kNever : -kNever), lo);
-  hi = select(rest, all<float>(atom.negative ? -kNever : kNever), hi);
+  lo = select(rest, in_lanes(-kNever * outwards), lo);
+  hi = select(rest, in_lanes(kNever * outwards), hi);
   lo += middle;
   hi += middle;
   if (rest) doubts.add(rest, all(-kNever), all(kNever));
 }
 
-/// Where an atom lies whose surface is nearer to a ray's start than floats can tell: by its value
-/// there, in double. A convex atom that is left behind is never met again.
-inline void settle_start(const Atom& atom, const Frame& frame, const Packet& packet, double band, Mask near, F& lo,
-                         F& hi, Mask& unsure) {
-  D x[3], v[3];
-  const auto [first, end] = kAxes[static_cast<int>(atom.kind)];
-  D rel[3];
-  for (int j = 0; j < 3; ++j) rel[j] = packet.o[j] - all<double>(frame.offset[j]);
+/// The intervals of atoms of a kind.
+template <AtomKind kind, class Read>
+[[gnu::always_inline]] inline void span(Read read, const Passage& in, float window, Doubts& doubts, F& lo, F& hi) {
+  if constexpr (kind == AtomKind::Ball) ball_span(read, in, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Ellipsoid) round_span<3>(read, in, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Tube) round_span<2>(read, in, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Slab) slab_span(read, in, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Wall) wall_span(read, in, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Torus) torus_span(read, in, window, doubts, lo, hi);
+}
+
+inline Mask less(double a, double b) { return a < b; }
+inline double root(double x) { return __builtin_sqrt(x); }
+
+/// Where rays start that an atom is near to.
+struct Side {
+  Mask inside;
+  Mask left;  ///< outside, and it is not ahead unless it is a torus
+};
+
+/// By the atom's value at the starts, in double: for surfaces that are nearer than floats can tell. A convex atom that
+/// is left behind is never met again. Real: D for a packet, or double for a ray.
+template <class Real>
+inline Side side_of_start(const Atom& atom, const Frame& frame, const Real o[3], const Real d[3], double band) {
+  const auto real = [](double number) {
+    if constexpr (std::is_same_v<Real, double>)
+      return number;
+    else
+      return all(number);
+  };
+  Real x[3], v[3], rel[3];
+  const int first = atom.first_axis, end = atom.end_axis;
+  for (int j = 0; j < 3; ++j) rel[j] = o[j] - real(frame.offset[j]);
   double steepest = 0;
   for (int i = first; i < end; ++i) {
     const double* row = frame.row[i];
-    x[i] = all<double>(row[0]) * rel[0] + all<double>(row[1]) * rel[1] + all<double>(row[2]) * rel[2];
-    v[i] = all<double>(row[0]) * packet.d[0] + all<double>(row[1]) * packet.d[1] + all<double>(row[2]) * packet.d[2];
+    x[i] = real(row[0]) * rel[0] + real(row[1]) * rel[1] + real(row[2]) * rel[2];
+    v[i] = real(row[0]) * d[0] + real(row[1]) * d[1] + real(row[2]) * d[2];
     steepest += row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
   }
   // g, its slope along the ray, and what one band changes of it.
-  D g = all<double>(0), slope = all<double>(0), slack = all<double>(0);
-  const D two = all<double>(2);
+  Real g = real(0), slope = real(0), slack = real(0);
+  const Real two = real(2);
   const double per_band = band * __builtin_sqrt(steepest);
   switch (atom.kind) {
     case AtomKind::Ball:
     case AtomKind::Ellipsoid:
     case AtomKind::Tube:
-      g = all<double>(-1);
-      for (int i = 0; i < end; ++i) g = g + x[i] * x[i], slope = slope + two * x[i] * v[i];
-      slack = all<double>(2 * per_band);
-      break;
-    case AtomKind::SlabX:
-    case AtomKind::SlabY:
-    case AtomKind::SlabZ:
-      g = x[first] * x[first] - all<double>(1);
-      slope = two * x[first] * v[first];
-      slack = all<double>(2 * per_band);
+    case AtomKind::Slab:
+      g = real(-1);
+      for (int i = first; i < end; ++i) g = g + x[i] * x[i], slope = slope + two * x[i] * v[i];
+      slack = real(2 * per_band);
       break;
     case AtomKind::Torus: {
       const double minor = frame.shape[0];
-      const D alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + all<double>(1 - minor * minor);
-      g = alpha * alpha - all<double>(4) * (x[0] * x[0] + x[1] * x[1]);
-      slope = all<double>(4) * (alpha * (x[0] * v[0] + x[1] * v[1] + x[2] * v[2]) - two * (x[0] * v[0] + x[1] * v[1]));
-      slack = all<double>(16 * minor * per_band + 0x1p-46);
+      const Real alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + real(1 - minor * minor);
+      g = alpha * alpha - real(4) * (x[0] * x[0] + x[1] * x[1]);
+      slope = real(4) * (alpha * (x[0] * v[0] + x[1] * v[1] + x[2] * v[2]) - two * (x[0] * v[0] + x[1] * v[1]));
+      slack = real(16 * minor * per_band + 0x1p-46);
       break;
     }
     case AtomKind::Wall: {
-      const D rho = root(x[0] * x[0] + x[1] * x[1]);
-      g = rho - all<double>(frame.shape[0]) - all<double>(frame.shape[1]) * x[2];
-      slope = (x[0] * v[0] + x[1] * v[1]) / rho - all<double>(frame.shape[1]) * v[2];
-      slack = all<double>(2 * per_band);
+      const Real rho = root(x[0] * x[0] + x[1] * x[1]);
+      g = rho - real(frame.shape[0]) - real(frame.shape[1]) * x[2];
+      slope = (x[0] * v[0] + x[1] * v[1]) / rho - real(frame.shape[1]) * v[2];
+      slack = real(2 * per_band);
       break;
     }
   }
-  const Mask outside = less(slack, g), inside = less(g, -slack), away = ~less(slope, all<double>(0));
-  // A torus may be met again, but not in this cell if its one crossing here is the one behind.
-  const Mask once = atom.kind == AtomKind::Torus ? less(lo, all(-1e30f)) : 0xffff;
-  const Mask left = near & outside & away & once, still_in = near & inside;
-  lo = select(left, all(kNever), lo);
-  hi = select(left, all(-kNever), hi);
-  lo = select(still_in, all(-kNever), lo);
-  unsure |= near & (~(left | still_in) | packet.far);
+  return {less(g, -slack), less(slack, g) & ~less(slope, real(0))};
 }
 
 }  // namespace

@@ -1,14 +1,16 @@
-// Packets of sixteen rays through the boxes and cells of a PacketModel, and what becomes of a ray in a cell, which
-// is the same for rays one at a time (walk_one.hpp). Compiled for each instruction set; nothing here but the entry
-// has external linkage.
+// Packets of sixteen rays through the boxes and cells of a PacketModel. Where few of a packet are left they go on one
+// at a time: a box's octants, or a cell's atoms, then are tested side by side for one ray (Benthin et al. 2012,
+// "Combining single and packet-ray tracing"). Compiled for each instruction set; nothing here but the entry has
+// external linkage.
 //
 // Floats find where a ray first passes into the solid, and say what they are sure of. They bound the
 // solid from outside: atoms that add to it are grown by their rounding, those that it is cut by are
 // shrunk, so that a ray that misses the bound surely misses. Where it enters the bound, the true
 // boundary lies within the window W behind, if no other atom is crossed near there and the surface is not
 // grazed. Else the ray is `unsure`, and is traced again by the scalar search.
-// After membership.hpp or membership_one.hpp.
 #pragma once
+#include "eight.hpp"
+#include "membership.hpp"
 
 namespace {
 
@@ -16,6 +18,41 @@ namespace {
 struct Start {
   D at, speed;
   Mask valid;
+};
+
+/// What is still to be visited of a lone ray's way, and its interval there.
+struct Stack {
+  static constexpr int kMost = 7 * 24 + 8;
+  std::int32_t link[kMost];
+  float enter[kMost], exit[kMost];
+  int top = 0;
+
+  /// Puts at `at` those of a node's boxes that the ray has an interval in, the first on top; says how many. Eight are
+  /// written, whatever is kept of them: no branch hangs on the answer.
+  int push(int at, const Eight& from, const Eight& to, const Node& node, int octant) {
+#if defined(__AVX512VL__)
+    const __m256i order = _mm256_xor_si256(_mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0), _mm256_set1_epi32(octant));
+    const __m256 first = _mm256_permutexvar_ps(order, (__m256)from.part[0]);
+    const __m256 last = _mm256_permutexvar_ps(order, (__m256)to.part[0]);
+    const __m256i links = _mm256_permutexvar_epi32(order, _mm256_load_si256((const __m256i*)node.link));
+    const __mmask8 met = _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
+    _mm256_storeu_ps(enter + at, _mm256_maskz_compress_ps(met, first));
+    _mm256_storeu_ps(exit + at, _mm256_maskz_compress_ps(met, last));
+    _mm256_storeu_si256((__m256i*)(link + at), _mm256_maskz_compress_epi32(met, links));
+    return __builtin_popcount(met);
+#else
+    const unsigned met = at_most(from, to);
+    alignas(32) float first[8], last[8];
+    std::memcpy(first, &from, sizeof first);
+    std::memcpy(last, &to, sizeof last);
+    for (int i = 7; i >= 0; --i) {
+      const int box = i ^ octant;
+      link[at] = node.link[box], enter[at] = first[box], exit[at] = last[box];
+      at += met >> box & 1;
+    }
+    return __builtin_popcount(met);
+#endif
+  }
 };
 
 template <bool any, bool counting>
@@ -28,36 +65,46 @@ class Walker {
   void walk(Mask lanes, int octant) {
     struct Task {
       std::int32_t node;
+      int box;
       Mask lanes;
     } stack[8 * 24];
     int top = 0;
     active_ = lanes;
     limit_ = packet_.end;
+    octant_ = octant;
     for (int axis = 0; axis < 3; ++axis) nearer_[axis] = axis + (octant >> axis & 1 ? 3 : 0);
     F enter, exit;
-    stack[top++] = {0, meets(model_.nodes[0], lanes, enter, exit)};
+    stack[top++] = {0, 0, meets(model_.nodes[0], 0, lanes, enter, exit)};
     while (top > 0) {
       const Task task = stack[--top];
-      const Mask met = task.lanes & active_;
+      Mask met = task.lanes & active_;
       if (!met) continue;
-      const Node& node = model_.nodes[task.node];
-      if (node.octants == 0) {
-        const Mask still = meets(node, met, enter, exit);
-        if (still) pass(model_.cells[node.link], still, enter, exit);
+      const Node& parent = model_.nodes[task.node];
+      const std::int32_t link = parent.link[task.box];
+      if (link < 0) {
+        const Mask still = meets(parent, task.box, met, enter, exit);
+        if (still) pass(cell_at(link), still, enter, exit);
         if (!active_) return;
         continue;
       }
-      // The last of the children first, so that the first is on top. Each is pushed, and kept if it is met: no
-      // branch hangs on the answer.
+      if (count_of(met) <= model_.few) {
+        for (; met; met &= met - 1) walk_alone(link, first_of(met));
+        if (!active_) return;
+        continue;
+      }
+      // The last of the octants first, so that the first is on top. Each is pushed, and kept if it is met: no branch
+      // hangs on the answer.
+      const Node& node = model_.nodes[link];
+      const int pushed = top;
       for (unsigned order = turned(node.octants, octant); order;) {
         const int last = 31 - __builtin_clz(order);
         order ^= 1u << last;
-        const unsigned bit = 1u << (last ^ octant);
-        const std::int32_t child = node.link + count_of(node.octants & (bit - 1));
-        const Mask lanes_met = meets(model_.nodes[child], met, enter, exit);
-        stack[top] = {child, lanes_met};
+        const int box = last ^ octant;
+        const Mask lanes_met = meets(node, box, met, enter, exit);
+        stack[top] = {link, box, lanes_met};
         top += lanes_met != 0;
       }
+      for (int i = pushed; i < top; ++i) fetch(node.link[stack[i].box]);
     }
   }
 
@@ -71,7 +118,7 @@ class Walker {
     std::memcpy(answer_.leaf, &leaf_, sizeof leaf_);
   }
 
- protected:
+ private:
   /// Bit i of a mask of octants to bit i ^ octant.
   static unsigned turned(unsigned octants, int octant) {
     if (octant & 1) octants = (octants & 0x55) << 1 | (octants & 0xaa) >> 1;
@@ -81,17 +128,113 @@ class Walker {
   }
 
   /// The rays' interval in a box, and which of `lanes` have one.
-  Mask meets(const Node& node, Mask lanes, F& enter, F& exit) const {
+  Mask meets(const Node& node, int box, Mask lanes, F& enter, F& exit) const {
     if (counting) counts_->boxes += static_cast<std::uint64_t>(count_of(lanes));
     enter = F{}, exit = limit_;
     for (int axis = 0; axis < 3; ++axis) {
-      enter = max(enter, node.side[nearer_[axis]] * packet_.inverse[axis] - packet_.scaled[axis]);
-      exit = min(exit, node.side[3 - nearer_[axis] + 2 * axis] * packet_.inverse[axis] - packet_.scaled[axis]);
+      const int far = 3 - nearer_[axis] + 2 * axis;
+      enter = max(enter, node.side[nearer_[axis]][box] * packet_.inverse[axis] - packet_.scaled[axis]);
+      exit = min(exit, node.side[far][box] * packet_.inverse[axis] - packet_.scaled[axis]);
     }
     return lanes & at_most(enter, exit);
   }
 
+  /// One ray of the packet through all that is below a node.
+  void walk_alone(std::int32_t node, int lane) {
+    Lone ray{lane, limit_[lane], {}, {}};
+    for (int axis = 0; axis < 3; ++axis)
+      ray.inverse[axis] = packet_.inverse[axis][lane], ray.scaled[axis] = packet_.scaled[axis][lane];
+    Stack stack;
+    stack.link[0] = node, stack.enter[0] = 0, stack.exit[0] = ray.limit;
+    stack.top = 1;
+    while (active_ >> lane & 1) {
+      const std::int32_t link = next_cell(stack, ray);
+      if (link >= 0) return;
+      const float exit = stack.exit[stack.top];
+      pass_alone(cell_at(link), lane, stack.enter[stack.top], exit < ray.limit ? exit : ray.limit);
+      ray.limit = limit_[lane];
+    }
+  }
+
+  /// A ray of the packet by itself.
+  struct Lone {
+    int lane;
+    float limit;
+    float inverse[3], scaled[3];
+  };
+
+  /// ~ of the next cell on the way, which stands just above the stack; or 0. A function of its own, so that what it
+  /// needs stays in registers.
+  [[gnu::noinline]] std::int32_t next_cell(Stack& stack, const Lone& ray) const {
+    const float limit = ray.limit;
+    const float inverse[3] = {ray.inverse[0], ray.inverse[1], ray.inverse[2]};
+    const float scaled[3] = {ray.scaled[0], ray.scaled[1], ray.scaled[2]};
+    const int nearer[3] = {nearer_[0], nearer_[1], nearer_[2]};
+    const Node* const nodes = model_.nodes;
+    const int octant = octant_;
+    int top = stack.top;
+    while (top > 0) {
+      --top;
+      // A boundary may have been found before the box.
+      if (!(stack.enter[top] <= limit)) continue;
+      const std::int32_t link = stack.link[top];
+      if (link < 0) {
+        stack.top = top;
+        return link;
+      }
+      if (counting) counts_->boxes += 8;
+      const Node& node = nodes[link];
+      Eight from[3], to[3];
+      for (int axis = 0; axis < 3; ++axis) {
+        const auto reached = [&](auto side) { return side * inverse[axis] - scaled[axis]; };
+        from[axis] = each_eight(reached, load_eight(node.side[nearer[axis]]));
+        to[axis] = each_eight(reached, load_eight(node.side[3 - nearer[axis] + 2 * axis]));
+      }
+      const Eight enter = greater_of(greater_of(from[0], from[1]), greater_of(from[2], Eight{}));
+      const Eight exit = lesser_of(lesser_of(to[0], to[1]), lesser_of(to[2], eight_of(limit)));
+      top += stack.push(top, enter, exit, node, octant);
+    }
+    stack.top = 0;
+    return 0;
+  }
+
+  /// Asks for what is behind a link before it is needed.
+  void fetch(std::int32_t link) const {
+    constexpr int kLines = 6;  // most cells have no more, a node has fewer
+    const auto* lines = link < 0 ? model_.cells + ~link : reinterpret_cast<const Line*>(model_.nodes + link);
+    for (int i = 0; i < kLines; ++i) __builtin_prefetch(lines + i);
+  }
+  const Cell& cell_at(std::int32_t link) const { return *reinterpret_cast<const Cell*>(model_.cells + ~link); }
+  static const Operator* operators_of(const Cell& cell) { return reinterpret_cast<const Operator*>(&cell + 1); }
+  static const Atom* atoms_of(const Cell& cell) {
+    return reinterpret_cast<const Atom*>(operators_of(cell) + cell.operators);
+  }
+
+  /// Calls `each(kind, first atom, atoms, floats)` for each kind of atom that a cell has.
+  template <class Each>
+  void for_each_kind(const Cell& cell, Each each) const {
+    const float* floats = reinterpret_cast<const float*>(atoms_of(cell) + cell.atoms);
+    int first = 0;
+    const auto one = [&](auto kind) {
+      const int atoms = cell.of_kind[kind()];
+      if (atoms == 0) return;
+      each(kind, first, atoms, floats);
+      first += atoms;
+      floats += kFloatsOf[kind()] * atoms;
+    };
+    [&]<int... kind>(std::integer_sequence<int, kind...>) {
+      (one(std::integral_constant<int, kind>()), ...);
+    }(std::make_integer_sequence<int, kAtomKinds>());
+  }
+
   void pass(const Cell& cell, Mask lanes, F enter, F exit) {
+    if (count_of(lanes) <= model_.few) {
+      for (; lanes; lanes &= lanes - 1) {
+        const int lane = first_of(lanes);
+        pass_alone(cell, lane, enter[lane], exit[lane]);
+      }
+      return;
+    }
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
     const F window = all(cell.window);
     if (!cell.trusted) return doubt(cell, lanes, enter, exit);
@@ -104,52 +247,27 @@ class Walker {
     in.enter = enter - nearest;
     in.exit = exit - nearest;
     in.start = -nearest;
-    in.near_start = lanes & packet_.in_world & less(enter, window);
+    const Mask near_start = lanes & packet_.in_world & less(enter, window);
 
-    const Atom* atoms = model_.atoms + cell.first_atom;
-    const int count = cell.atoms;
+    const Atom* atoms = atoms_of(cell);
     Spans spans;
     Doubts doubts;
     Mask unsure = 0;
-    for (int i = 0; i < count; ++i) {
-      const Atom& atom = atoms[i];
-      const Frame& frame = model_.frames[atom.leaf];
-      F &lo = spans.lo[i], &hi = spans.hi[i];
-      switch (atom.kind) {
-        case AtomKind::Ball:
-          ball_span(atom, frame.narrow_shape[0], in, doubts, lo, hi);
-          break;
-        case AtomKind::Ellipsoid:
-          round_span<3>(atom, frame.narrow, in, doubts, lo, hi);
-          break;
-        case AtomKind::Tube:
-          round_span<2>(atom, frame.narrow, in, doubts, lo, hi);
-          break;
-        case AtomKind::SlabX:
-          slab_span(atom, frame.narrow[0], atom.centre[0], in, doubts, lo, hi);
-          break;
-        case AtomKind::SlabY:
-          slab_span(atom, frame.narrow[1], atom.centre[1], in, doubts, lo, hi);
-          break;
-        case AtomKind::SlabZ:
-          slab_span(atom, frame.narrow[2], atom.centre[2], in, doubts, lo, hi);
-          break;
-        case AtomKind::Wall:
-          wall_span(atom, frame, in, doubts, lo, hi);
-          break;
-        case AtomKind::Torus:
-          torus_span(atom, frame, in, cell.window, doubts, lo, hi);
-          break;
+    for_each_kind(cell, [&](auto kind, int first, int of_kind, const float* floats) {
+      for (int k = 0; k < of_kind; ++k) {
+        F &lo = spans.lo[first + k], &hi = spans.hi[first + k];
+        span<AtomKind{kind()}>(OneAtom{floats + k, of_kind}, in, cell.window, doubts, lo, hi);
+        if (near_start) {
+          const Mask near = near_start & (less(magnitude(lo - in.start), 4.0f * window) |
+                                          less(magnitude(hi - in.start), 4.0f * window));
+          if (near) unsure |= settle_start(atoms[first + k], near, lo, hi);
+        }
       }
-      if (in.near_start) {
-        const Mask near = in.near_start & (less(magnitude(lo - in.start), 4.0f * window) |
-                                           less(magnitude(hi - in.start), 4.0f * window));
-        if (near) settle_start(atom, frame, packet_, model_.band, near, lo, hi, unsure);
-      }
-    }
-    if (counting) counts_->atoms += static_cast<std::uint64_t>(count) * static_cast<std::uint64_t>(count_of(lanes));
+    });
+    if (counting)
+      counts_->atoms += static_cast<std::uint64_t>(cell.atoms) * static_cast<std::uint64_t>(count_of(lanes));
 
-    const Operator* operators = model_.operators + cell.first_operator;
+    const Operator* operators = operators_of(cell);
     const auto inside = [&](F s, Mask of) {
       if (counting)
         counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
@@ -177,7 +295,7 @@ class Walker {
       const F from = at_boundary - 2.0f * window, to_end = at_boundary + 3.0f * window;
       Mask once = 0, twice = 0;
       I which = all<std::int32_t>(0);
-      for (int i = 0; i < count; ++i) {
+      for (int i = 0; i < cell.atoms; ++i) {
         const Mask low = at_most(from, spans.lo[i]) & at_most(spans.lo[i], to_end);
         const Mask high = at_most(from, spans.hi[i]) & at_most(spans.hi[i], to_end);
         twice |= (once & (low | high)) | (low & high);
@@ -197,6 +315,103 @@ class Walker {
     }
     active_ &= ~settled;
     if (unsure) doubt(cell, unsure, enter, exit);
+  }
+
+  /// The same for one ray, whose atoms stand side by side.
+  void pass_alone(const Cell& cell, int lane, float enter, float exit) {
+    const Mask ray = Mask{1} << lane;
+    if (counting) ++counts_->cells;
+    const float window = cell.window;
+    if (!cell.trusted) return doubt(cell, ray, all(enter), all(exit));
+    const double o[3] = {packet_.o[0][lane], packet_.o[1][lane], packet_.o[2][lane]};
+    const double d[3] = {packet_.d[0][lane], packet_.d[1][lane], packet_.d[2][lane]};
+    double to[3], at = 0;
+    for (int i = 0; i < 3; ++i) to[i] = cell.centre[i] - o[i], at += to[i] * d[i];
+    const auto nearest = static_cast<float>(at);
+    Passage in;
+    for (int i = 0; i < 3; ++i)
+      in.p[i] = all(static_cast<float>(at * d[i] - to[i])), in.d[i] = all(static_cast<float>(d[i]));
+    in.enter = all(enter - nearest);
+    in.exit = all(exit - nearest);
+    in.start = all(-nearest);
+    const bool near_start = (packet_.in_world & ray) && enter < window;
+
+    const Atom* atoms = atoms_of(cell);
+    LoneSpans spans(cell);
+    Doubts doubts;
+    std::uint64_t near = 0;
+    for_each_kind(cell, [&](auto kind, int first, int of_kind, const float* floats) {
+      for (int k = 0; k < of_kind; k += kLanes) {
+        in.lanes = of_kind - k < kLanes ? (1u << (of_kind - k)) - 1 : 0xffff;
+        F lo, hi;
+        span<AtomKind{kind()}>(AtomEachLane{floats + k, of_kind}, in, window, doubts, lo, hi);
+        if (near_start) {
+          const Mask so = in.lanes & (less(magnitude(lo - in.start), all(4 * window)) |
+                                      less(magnitude(hi - in.start), all(4 * window)));
+          near |= std::uint64_t{so} << (first + k);
+        }
+        spans.put(first + k, lo, hi);
+      }
+    });
+    if (counting) counts_->atoms += cell.atoms;
+    bool unsure = near != 0 && (packet_.far & ray);
+    for (; near; near &= near - 1) {
+      const int i = __builtin_ctzll(near);
+      unsure |= !settle_start(atoms[i], o, d, spans.lo(i), spans.hi(i));
+    }
+
+    const Operator* operators = operators_of(cell);
+    const auto inside = [&](float s) {
+      if (counting) counts_->operators += cell.operators;
+      return spans.inside_at(operators, s);
+    };
+    float s = enter - nearest;
+    const float last = exit - nearest + window;
+    unsure |= inside(s);
+    bool found = false;
+    while (!unsure && !found) {
+      s = spans.next_growth(s);
+      if (!(s <= last)) return;
+      found = inside(s);
+    }
+    int which = -1;
+    if (!unsure) {
+      // Only one crossing may lie where the boundary may be.
+      const float from = s - 2 * window, to_end = s + 3 * window;
+      which = spans.crossed_once(from, to_end);
+      unsure = which < 0 || doubts.between(all(from), all(to_end)) || packet_.end[lane] - nearest - s < 4 * window;
+    }
+    if (unsure) return doubt(cell, ray, all(enter), all(exit));
+    answer_.hit |= ray;
+    limit_ = select(ray, all(s + nearest), limit_);
+    t_ = select(ray, all(static_cast<double>(s) + at), t_);
+    t_error_ = select(ray, all(4 * static_cast<double>(window)), t_error_);
+    leaf_ = select(ray, all(atoms[which].leaf), leaf_);
+    if (any || well_inside(cell, in, all(s)) & 1) active_ &= ~ray;
+  }
+
+  /// What becomes of an atom's interval along rays that start near its surface; those that cannot be told of.
+  Mask settle_start(const Atom& atom, Mask near, F& lo, F& hi) const {
+    const Side at = side_of_start(atom, model_.frames[atom.leaf], packet_.o, packet_.d, model_.band);
+    // A torus may be met again, but not in this cell if its one crossing here is the one behind.
+    const Mask once = atom.kind == AtomKind::Torus ? less(lo, all(-1e30f)) : 0xffff;
+    const Mask left = near & at.left & once, inside = near & at.inside;
+    lo = select(left, all(kNever), lo);
+    hi = select(left, all(-kNever), hi);
+    lo = select(inside, all(-kNever), lo);
+    return near & (~(left | inside) | packet_.far);
+  }
+  /// The same for one ray; false if it cannot be told.
+  bool settle_start(const Atom& atom, const double o[3], const double d[3], float& lo, float& hi) const {
+    const Side at = side_of_start(atom, model_.frames[atom.leaf], o, d, model_.band);
+    const bool once = atom.kind != AtomKind::Torus || lo < -1e30f;
+    if (at.left && once)
+      lo = kNever, hi = -kNever;
+    else if (at.inside)
+      lo = -kNever;
+    else
+      return false;
+    return true;
   }
 
   /// Leaves rays to the scalar search, which may start a little before they enter the cell: where they pass through
@@ -231,6 +446,7 @@ class Walker {
   Answer& answer_;
   Counts* counts_;
   Mask active_ = 0;
+  int octant_ = 0;
   int nearer_[3];  // which sides of a box are met first
   F limit_;        // of each ray's way: its end, or a boundary
   // Of the boundary; where a ray is in doubt, t is before any.

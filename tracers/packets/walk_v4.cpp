@@ -1,6 +1,4 @@
 // The walk for x86-64-v4.
-#include "lanes.hpp"
-#include "membership.hpp"
 #include "walk.hpp"
 
 namespace csg::packets {

@@ -5,7 +5,7 @@
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
 //   boxes         tight | cells: shrunk, or as the octree has them.
-//   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes at once.
+//   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes or 16 atoms at once.
 //   instructions  avx512 | avx2 | sse4: no wider than these.
 #include <bit>
 
@@ -19,12 +19,11 @@ static_assert(sizeof(Ray) == 8 * sizeof(double));
 
 class PacketSdsm final : public Tracer {
  public:
-  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, packets::Together together,
-             int level)
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int few, int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, limits.margin, tight, together, thread_count(limits.threads)),
-        walk_(packets::walk_up_to(level, together)) {}
+        packets_(*tree_, octree_, limits.margin, tight, few, thread_count(limits.threads)),
+        walk_(packets::walk_up_to(level)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
   std::map<std::string, double> facts() const override {
@@ -62,6 +61,9 @@ class PacketSdsm final : public Tracer {
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
     std::vector<Unsure> unsure;
     in_packets(rays, false, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
+      // Leaves are far apart: all are asked for before the first is needed.
+      for (int i = 0; i < count; ++i)
+        if (answer.hit >> i & 1) fetch(tree_->leaves()[static_cast<std::size_t>(answer.leaf[i])]);
       for (int i = 0; i < count; ++i) {
         const std::size_t at = first + static_cast<std::size_t>(i);
         hits[at] = {};
@@ -100,6 +102,10 @@ class PacketSdsm final : public Tracer {
     trace_cells(*tree_, octree_.world(), octree_, again, found, counters,
                 [&](auto&&... along) { octree_.walk(along...); });
     return found;
+  }
+
+  static void fetch(const Leaf& leaf) {
+    for (std::size_t at = 0; at < sizeof leaf; at += 64) __builtin_prefetch(reinterpret_cast<const char*>(&leaf) + at);
   }
 
   /// The leaf's crossing near where floats have found it; false if it is not the only one there.
@@ -162,8 +168,8 @@ const SchemeInfo scheme_packet_sdsm{
       const int level = instructions == "avx512" ? 4 : instructions == "avx2" ? 3 : 2;
       const int packet = params.integer("packet");
       if (packet != 1 && packet != 16) throw std::invalid_argument("packet_sdsm: 'packet' is 1 or 16");
-      const auto together = packet == 1 ? packets::Together::One : packets::Together::Sixteen;
-      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", together, level);
+      const int few = packet == 1 ? 16 : packets::kFew;
+      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", few, level);
     }};
 
 }  // namespace csg
