@@ -23,7 +23,7 @@ class PacketSdsm final : public Tracer {
              int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, limits.margin, tight, together, thread_count(limits.threads)),
+        packets_(*tree_, octree_, limits.margin, tight, together, thread_count(limits.build.threads)),
         walk_(packets::walk_up_to(level, together)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }

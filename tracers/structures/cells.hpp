@@ -16,18 +16,33 @@ inline constexpr std::size_t kMegabyte = 1'000'000;
 /// A structure takes no more bytes than this unless it is told to.
 inline constexpr std::size_t kDefaultBudget = 4'000'000'000;
 
-/// The declaration of that budget, for schemes that divide space, and what was asked for, in bytes.
-inline ParamSpec budget_param() {
-  return {.name = "budget_mb",
-          .meaning = "cells are divided no further once the structure takes this many megabytes",
-          .default_value = static_cast<long>(kDefaultBudget / kMegabyte),
-          .minimum = 0,
-          .maximum = 1'000'000,
-          .trial_values = {static_cast<long>(kDefaultBudget / kMegabyte)},
-          .implied_by_default = true};
-}
-inline std::size_t budget_of(const Params& params) {
-  return static_cast<std::size_t>(params.integer("budget_mb")) * kMegabyte;
+/// Limits of building a structure of cells.
+struct BuildLimits {
+  int threads = 1;                          ///< that build; 0: one a core
+  std::size_t most_bytes = kDefaultBudget;  ///< cells are divided no further once the structure takes this
+
+  static BuildLimits of(const Params& params) {
+    return {params.integer("build_threads"), static_cast<std::size_t>(params.integer("budget_mb")) * kMegabyte};
+  }
+};
+
+/// A scheme's own parameters, and the declarations of these limits.
+inline std::vector<ParamSpec> with_build_limits(std::vector<ParamSpec> params) {
+  params.push_back({.name = "build_threads",
+                    .meaning = "that build the structure, the same whatever their number; 0: one a core",
+                    .default_value = 1L,
+                    .minimum = 0,
+                    .maximum = 256,
+                    .trial_values = {2L},
+                    .implied_by_default = true});
+  params.push_back({.name = "budget_mb",
+                    .meaning = "cells are divided no further once the structure takes this many megabytes",
+                    .default_value = static_cast<long>(kDefaultBudget / kMegabyte),
+                    .minimum = 0,
+                    .maximum = 1'000'000,
+                    .trial_values = {static_cast<long>(kDefaultBudget / kMegabyte)},
+                    .implied_by_default = true});
+  return params;
 }
 
 /// A terminal cell: Empty, Full, or the number of a localized tree.

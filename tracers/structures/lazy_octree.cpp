@@ -57,7 +57,7 @@ std::unique_ptr<LazyOctree::Workshop> LazyOctree::take_workshop() const {
 LazyCell::State LazyOctree::build(LazyCell& cell, Workshop& workshop) const {
   const Box box = box_of(cell);
   if (limits_.divides(model_, cell.tree, box, cell.level)) {
-    if (committed_ <= limits_.most_bytes) {
+    if (committed_ <= limits_.build.most_bytes) {
       divide(cell, box, workshop);
       return State::Divided;
     }
