@@ -125,15 +125,15 @@ class ChuangHwang final : public Tracer {
             lows_.push_back(bounds_[i].lo[axis]), highs_.push_back(bounds_[i].hi[axis]);
         std::sort(lows_.begin(), lows_.end());
         std::sort(highs_.begin(), highs_.end());
-        for (const std::vector<double>* faces : {&lows_, &highs_})
+        for (const std::vector<double>* faces : {&lows_, &highs_}) {
+          std::size_t below = 0, left = 0;  // S-bounds that begin below the face, that end there or below
           for (const double at : *faces) {
-            if (!cuts(region, axis, at)) continue;
-            const auto below =
-                static_cast<std::size_t>(std::lower_bound(lows_.begin(), lows_.end(), at) - lows_.begin());
-            const auto above =
-                static_cast<std::size_t>(highs_.end() - std::upper_bound(highs_.begin(), highs_.end(), at));
-            if (std::max(below, above) < fewest) fewest = std::max(below, above), best = {axis, at};
+            while (below < lows_.size() && lows_[below] < at) ++below;
+            while (left < highs_.size() && highs_[left] <= at) ++left;
+            const std::size_t more = std::max(below, highs_.size() - left);
+            if (more < fewest && cuts(region, axis, at)) fewest = more, best = {axis, at};
           }
+        }
       }
       return best;
     }

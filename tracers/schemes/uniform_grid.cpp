@@ -46,13 +46,13 @@ class UniformGrid final : public Tracer {
                (static_cast<std::size_t>(at[1]) + static_cast<std::size_t>(size_[1]) * static_cast<std::size_t>(at[2]));
   }
 
-  /// As Subdivision asks for it: halves a range of voxels until it is constant or one voxel.
+  /// As Subdivision asks for it: a range of voxels is divided until it is constant or one voxel.
   class Divider {
    public:
     struct Place {
       int lo[3], hi[3];
     };
-    using Parts = CellParts<Place, 2>;
+    using Parts = CellParts<Place, 8>;
 
     explicit Divider(UniformGrid& grid) : grid_(grid), classifier_(*grid.tree_) {}
 
@@ -68,16 +68,19 @@ class UniformGrid final : public Tracer {
     Class localize(TreeView tree, const Place& range, std::vector<TreeNode>& localized) {
       return classifier_.localize(tree, box(range), localized);
     }
+    /// At the middle of each side that is more than half as long as the longest.
     void divide(TreeView tree, const Place& range, Parts& parts) {
-      const int axis = longest(range);
-      parts.places[0] = parts.places[1] = range;
-      parts.places[0].hi[axis] = parts.places[1].lo[axis] = (range.lo[axis] + range.hi[axis]) / 2;
-      for (int i = 0; i < 2; ++i) parts.kinds[i] = localize(tree, parts.places[i], parts.trees[i]);
+      std::fill_n(parts.places, Parts::kCount, range);
+      Vec3 planes{kInfinity, kInfinity, kInfinity};
+      for (int axis = 0; axis < 3; ++axis) {
+        const bool halved = 2 * side(range, axis) > std::max(longest(range), 2);
+        const int middle = halved ? (range.lo[axis] + range.hi[axis]) / 2 : range.hi[axis];
+        if (halved) planes[axis] = grid_.plane(axis, middle);
+        for (int i = 0; i < 8; ++i) (i >> axis & 1 ? parts.places[i].lo : parts.places[i].hi)[axis] = middle;
+      }
+      classifier_.localize_octants(tree, box(range), planes, parts.kinds, parts.trees);
     }
-    static bool divides(TreeView, const Place& range, int) {
-      const int axis = longest(range);
-      return range.hi[axis] - range.lo[axis] > 1;
-    }
+    static bool divides(TreeView, const Place& range, int) { return longest(range) > 1; }
 
     std::size_t open(std::size_t, const Place&) { return 0; }  // ranges name themselves
     void close(std::size_t, const Place& range, Cell cell) {
@@ -89,12 +92,8 @@ class UniformGrid final : public Tracer {
     std::size_t bytes() const { return grid_.bytes(); }
 
    private:
-    static int longest(const Place& range) {
-      int longest = 0;
-      for (int axis = 1; axis < 3; ++axis)
-        if (range.hi[axis] - range.lo[axis] > range.hi[longest] - range.lo[longest]) longest = axis;
-      return longest;
-    }
+    static int side(const Place& range, int axis) { return range.hi[axis] - range.lo[axis]; }
+    static int longest(const Place& range) { return std::max({side(range, 0), side(range, 1), side(range, 2)}); }
 
     UniformGrid& grid_;
     CellClassifier classifier_;

@@ -46,7 +46,7 @@ class Octree::Divider {
   }
   void divide(TreeView tree, const Box& cell, Parts& parts) {
     for (int i = 0; i < 8; ++i) parts.places[i] = octant(cell, i);
-    classifier_.localize_octants(tree, cell, parts.kinds, parts.trees, margin_of(cell) / 2);
+    classifier_.localize_octants(tree, cell, cell.center(), parts.kinds, parts.trees, margin_of(cell) / 2);
   }
   bool divides(TreeView tree, const Box& cell, int level) const { return limits_.divides(model_, tree, cell, level); }
 

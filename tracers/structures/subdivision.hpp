@@ -46,9 +46,10 @@ class Subdivision {
       push({place, tree, slot}, open);
     else
       divider.close(slot, place, trees_.add(tree, divider.box(place)));
-    std::vector<Batch> held;  // where the trees of `open` are
+    std::vector<std::vector<TreeNode>> held;  // the trees of `open`
+    std::vector<Batch> batches;
     for (int level = 1; !open.empty(); ++level) {
-      std::vector<Batch> made;
+      std::vector<std::vector<TreeNode>> made;
       std::vector<Open> next;
       const std::size_t batch = std::clamp<std::size_t>(open.size() / 8, 1, kMostInBatch);
       for (std::size_t begin = 0; begin < open.size(); begin += kRound) {
@@ -59,15 +60,17 @@ class Subdivision {
             divider.close(cell.slot, cell.place, trees_.add(pop(cell), divider.box(cell.place)));
           continue;
         }
-        const std::size_t first = made.size();
-        made.resize(first + (round.size() + batch - 1) / batch);
-        in_parallel(dividers_.size(), made.size() - first, [&](std::size_t i, std::size_t thread) {
+        batches.resize((round.size() + batch - 1) / batch);
+        in_parallel(dividers_.size(), batches.size(), [&](std::size_t i, std::size_t thread) {
           divide(round.subspan(i * batch, std::min(batch, round.size() - i * batch)), level, dividers_[thread],
-                 made[first + i]);
+                 batches[i]);
         });
-        for (std::size_t i = first; i < made.size(); ++i) add(made[i], round.subspan((i - first) * batch), next);
+        for (std::size_t i = 0; i < batches.size(); ++i) {
+          add(batches[i], &round[i * batch], next);
+          made.push_back(std::move(batches[i].open));
+        }
+        deepest_level_ = level;
       }
-      if (!made.empty()) deepest_level_ = level;
       held = std::move(made);
       open = std::move(next);
     }
@@ -90,11 +93,11 @@ class Subdivision {
       Place place;
       Class kind;
       bool divides;
-      std::size_t nodes;
+      std::uint32_t nodes;
     };
     std::vector<Part> parts;
-    std::vector<TreeNode> nodes;
-    std::vector<SBound> sbounds;
+    std::vector<TreeNode> open, closed;  // trees of those that are divided, and of the others
+    std::vector<SBound> sbounds;         // of the others
   };
 
   void divide(std::span<const Open> cells, int level, Divider& divider, Batch& batch) const {
@@ -107,16 +110,18 @@ class Subdivision {
         const std::vector<TreeNode>& tree = parts.trees[i];
         const bool partial = parts.kinds[i] == Class::Partial;
         const bool divides = partial && divider.divides(tree, place, level);
-        batch.parts.push_back({place, parts.kinds[i], divides, tree.size()});
-        batch.nodes.insert(batch.nodes.end(), tree.begin(), tree.end());
+        std::vector<TreeNode>& nodes = divides ? batch.open : batch.closed;
+        nodes.insert(nodes.end(), tree.begin(), tree.end());
+        batch.parts.push_back({place, parts.kinds[i], divides, static_cast<std::uint32_t>(tree.size())});
         if (partial && !divides) bounds.add(tree, divider.box(place), batch.sbounds);
       }
     }
   }
 
-  void add(const Batch& batch, std::span<const Open> cells, std::vector<Open>& next) {
+  /// Empties the batch but for the trees of `next`.
+  void add(Batch& batch, const Open* cells, std::vector<Open>& next) {
     Divider& divider = dividers_[0];
-    const TreeNode* nodes = batch.nodes.data();
+    const TreeNode *open = batch.open.data(), *closed = batch.closed.data();
     const SBound* sbounds = batch.sbounds.data();
     std::size_t slot = 0;
     for (std::size_t i = 0; i < batch.parts.size(); ++i, ++slot) {
@@ -126,15 +131,16 @@ class Subdivision {
         pop(parent);
       }
       const auto& part = batch.parts[i];
-      const TreeView tree(nodes, part.nodes);
-      nodes += part.nodes;
+      const TreeView tree(part.divides ? open : closed, part.nodes);
+      (part.divides ? open : closed) += part.nodes;
       if (part.divides)
         push({part.place, tree, slot}, next);
+      else if (part.kind == Class::Partial)
+        divider.close(slot, part.place, trees_.add(tree, sbounds));
       else
-        divider.close(
-            slot, part.place,
-            part.kind == Class::Partial ? trees_.add(tree, sbounds) : Cell::constant(part.kind == Class::Full));
+        divider.close(slot, part.place, Cell::constant(part.kind == Class::Full));
     }
+    batch.parts.clear(), batch.closed.clear(), batch.sbounds.clear();
   }
 
   void push(const Open& cell, std::vector<Open>& open) {
