@@ -154,12 +154,14 @@ extern const SchemeInfo scheme_uniform_grid;
 const SchemeInfo scheme_uniform_grid{
     .name = "uniform_grid",
     .title = "Uniform grid (Bouatouch)",
-    .params = with_build_limits({{.name = "n",
-                                  .meaning = "voxels along the longest side of the solid's bounding box",
-                                  .default_value = 48L,
-                                  .minimum = 1,
-                                  .maximum = 400,
-                                  .trial_values = {1L, 7L, 32L}}}),
+    .params = {{.name = "n",
+                .meaning = "voxels along the longest side of the solid's bounding box",
+                .default_value = 48L,
+                .minimum = 1,
+                .maximum = 400,
+                .trial_values = {1L, 7L, 32L}},
+               build_threads_param(),
+               budget_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"), BuildLimits::of(params));
     }};

@@ -26,23 +26,15 @@ struct BuildLimits {
   }
 };
 
-/// A scheme's own parameters, and the declarations of these limits.
-inline std::vector<ParamSpec> with_build_limits(std::vector<ParamSpec> params) {
-  params.push_back({.name = "build_threads",
-                    .meaning = "that build the structure, the same whatever their number; 0: one a core",
-                    .default_value = 1L,
-                    .minimum = 0,
-                    .maximum = 256,
-                    .trial_values = {2L},
-                    .implied_by_default = true});
-  params.push_back({.name = "budget_mb",
-                    .meaning = "cells are divided no further once the structure takes this many megabytes",
-                    .default_value = static_cast<long>(kDefaultBudget / kMegabyte),
-                    .minimum = 0,
-                    .maximum = 1'000'000,
-                    .trial_values = {static_cast<long>(kDefaultBudget / kMegabyte)},
-                    .implied_by_default = true});
-  return params;
+/// The declaration of the budget, for schemes that divide space.
+inline ParamSpec budget_param() {
+  return {.name = "budget_mb",
+          .meaning = "cells are divided no further once the structure takes this many megabytes",
+          .default_value = static_cast<long>(kDefaultBudget / kMegabyte),
+          .minimum = 0,
+          .maximum = 1'000'000,
+          .trial_values = {static_cast<long>(kDefaultBudget / kMegabyte)},
+          .implied_by_default = true};
 }
 
 /// A terminal cell: Empty, Full, or the number of a localized tree.

@@ -5,18 +5,20 @@
 namespace csg {
 
 std::vector<ParamSpec> octree_params() {
-  return with_build_limits({{.name = "d",
-                             .meaning = "maximum level of subdivision; the root is level 0",
-                             .default_value = 6L,
-                             .minimum = 0,
-                             .maximum = Octree::kDeepest,
-                             .trial_values = {0L, 2L, 5L}},
-                            {.name = "h",
-                             .meaning = "a cell of at most this many halfspaces is not divided",
-                             .default_value = 7L,
-                             .minimum = 1,
-                             .maximum = 1000000,
-                             .trial_values = {1L, 4L, 10L}}});
+  return {{.name = "d",
+           .meaning = "maximum level of subdivision; the root is level 0",
+           .default_value = 6L,
+           .minimum = 0,
+           .maximum = Octree::kDeepest,
+           .trial_values = {0L, 2L, 5L}},
+          {.name = "h",
+           .meaning = "a cell of at most this many halfspaces is not divided",
+           .default_value = 7L,
+           .minimum = 1,
+           .maximum = 1000000,
+           .trial_values = {1L, 4L, 10L}},
+          build_threads_param(),
+          budget_param()};
 }
 
 OctreeLimits OctreeLimits::of(const Params& params) {
