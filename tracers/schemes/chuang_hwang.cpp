@@ -6,10 +6,10 @@
 // reconstruction: a binary space partition by axis-aligned planes, in which a region is cut along a
 // face of an S-bound of its own localized tree until it has at most h halfspaces, is at level d, or no
 // face passes through it.
-//   order   bottom_up: faces of the primitives first, in the order of the source, then of their
-//           parents. top_down: of the root first, then of its children.
-//           median: the face that divides the primitives' S-bounds most evenly.
-//   d, h    limits, as for the octree; a level is one cut.
+//   order           bottom_up: faces of the primitives first, in the order of the source, then of their
+//                   parents. top_down: of the root first, then of its children.
+//                   median: the face that divides the primitives' S-bounds most evenly.
+//   d, h            limits, as for the octree; a level is one cut.
 //   build_threads   as for sdsm: the same regions, whatever their number.
 //   budget_mb       where it is spent, regions stay uncut.
 #include "../structures/subdivision.hpp"
