@@ -32,12 +32,13 @@ def settings(scheme: str, size: int) -> Params:
     declared = {p.name: p for p in catalogue()[scheme].parameters}
     if catalogue()[scheme].needs_mesh:
         return {"segments": FACETS}
+    chosen: Params = {"build_threads": 0} if "build_threads" in declared else {}
     if scheme == "uniform_grid":  # about as many voxels a halfspace at every size
-        return {"n": round(4 * size ** (1 / 3))}
-    if {"d", "h"} <= declared.keys():
-        deep = CUTS if declared["d"].maximum > 2 * DEPTH else DEPTH
-        return {"d": deep, "h": HALFSPACES}
-    return {}
+        chosen["n"] = round(4 * size ** (1 / 3))
+    elif {"d", "h"} <= declared.keys():
+        chosen["d"] = CUTS if declared["d"].maximum > 2 * DEPTH else DEPTH
+        chosen["h"] = HALFSPACES
+    return chosen
 
 
 def configurations(family: str, size: int, schemes: list[str]) -> list[Configuration]:

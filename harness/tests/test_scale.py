@@ -54,7 +54,7 @@ def test_a_generated_model_has_a_name(tmp_path, monkeypatch):
     assert models.generated("ball@100").stat().st_mtime_ns == stamp  # not made again
 
 
-# --- The octree, built by all cores and lazily ----------------------------------------------------
+# --- Structures built by all cores, and lazily ----------------------------------------------------
 
 
 @pytest.mark.parametrize("family", ["ball", "ngk"])
@@ -88,18 +88,36 @@ def test_threads_that_enter_the_same_cells_at_once(trees):
         assert (tracer.facts, tracer.bytes) == (once.facts, once.bytes)
 
 
-@pytest.mark.parametrize("scheme", ["sdsm", "hybrid_sdsm", "packet_sdsm", "embree_cells"])
-def test_the_octree_does_not_depend_on_the_threads_that_built_it(scheme, trees):
+THREADED = [
+    scheme
+    for scheme, declared in catalogue().items()
+    if "build_threads" in {p.name for p in declared.parameters}
+]
+FINE = {"uniform_grid": {"n": 60}, "chuang_hwang": {"d": 20, "h": 6}}  # others are octrees
+
+
+def test_all_that_divide_space_are_built_by_threads():
+    assert {"uniform_grid", "chuang_hwang", "sdsm", "packet_sdsm", "embree_cells"} <= set(THREADED)
+    assert set(BUDGETED) <= set(THREADED)
+
+
+@pytest.mark.parametrize("budget_mb", [4000, 1])
+@pytest.mark.parametrize("scheme", THREADED)
+def test_a_structure_does_not_depend_on_the_threads_that_built_it(scheme, budget_mb, trees):
     tree = trees["ngk"]
     rays = np.asarray(models.frame(tree).view(32, 32).primary_rays())
-    one = tracers.make(scheme, tree, {"d": 12, "h": 12})
-    expected = one.trace(rays, count=True)
-    for threads in (0, 2, 5):
-        tracer = tracers.make(scheme, tree, {"d": 12, "h": 12, "build_threads": threads})
-        hits = tracer.trace(rays, count=True)
-        assert (tracer.facts, tracer.bytes) == (one.facts, one.bytes)
-        assert hits.counters == expected.counters
-        np.testing.assert_array_equal(hits.t.view(np.uint64), expected.t.view(np.uint64))
+    limits = FINE.get(scheme, {"d": 12, "h": 12}) | {"budget_mb": budget_mb}
+    order = [p for p in catalogue()[scheme].parameters if p.name == "order"]
+    for given in [limits | {"order": o} for o in order[0].choices] if order else [limits]:
+        one = tracers.make(scheme, tree, given)
+        expected = one.trace(rays, count=True)
+        for threads in (0, 2, 5):
+            tracer = tracers.make(scheme, tree, given | {"build_threads": threads})
+            hits = tracer.trace(rays, count=True)
+            assert (tracer.facts, tracer.bytes) == (one.facts, one.bytes)
+            assert hits.counters == expected.counters
+            np.testing.assert_array_equal(hits.t.view(np.uint64), expected.t.view(np.uint64))
+            np.testing.assert_array_equal(hits.leaf, expected.leaf)
 
 
 # --- The budget -----------------------------------------------------------------------------------
@@ -130,10 +148,15 @@ def test_a_budget_ends_subdivision_and_changes_no_answer(scheme, trees):
         np.testing.assert_array_equal(hits.leaf, expected.leaf)
 
 
-def test_a_budget_is_kept_to_a_round_of_cells(trees):
+@pytest.mark.parametrize(
+    ("scheme", "fine"),
+    [("sdsm", {"d": 12, "h": 2}), ("chuang_hwang", {"d": 40, "h": 2}), ("uniform_grid", {"n": 70})],
+)
+def test_a_budget_is_kept_to_a_round_of_cells(scheme, fine, trees):
     for threads in (1, 2):
-        given = {"d": 12, "h": 2, "budget_mb": 2, "build_threads": threads}
-        tracer = tracers.make("sdsm", trees["ball"], given)
+        given = fine | {"budget_mb": 2, "build_threads": threads}
+        tracer = tracers.make(scheme, trees["ball"], given)
+        assert tracer.facts["cells_over_budget"] > 0
         assert 1e6 < tracer.bytes < 2.5e6
 
 

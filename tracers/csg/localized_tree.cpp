@@ -160,23 +160,22 @@ Class CellClassifier::localize(TreeView tree, const Box& cell, std::vector<TreeN
   return localizer_.localize(tree, remaining_, localized);
 }
 
-void CellClassifier::localize_octants(TreeView tree, const Box& cell, Class (&kinds)[8],
+void CellClassifier::localize_octants(TreeView tree, const Box& cell, const Vec3& planes, Class (&kinds)[8],
                                       std::vector<TreeNode> (&localized)[8], double margin) {
-  const Vec3 centre = cell.center();
   for (std::vector<std::uint32_t>& nodes : in_octant_) nodes.clear();
   for (std::uint32_t i = 0; i < tree.size(); ++i) {
     if (!tree[i].is_leaf()) continue;
     const Leaf& leaf = leaf_of(tree[i]);
     bool low[3], high[3];
     for (int axis = 0; axis < 3; ++axis) {
-      low[axis] = leaf.bounds.lo[axis] <= centre[axis] + leaf.pad + margin;
-      high[axis] = leaf.bounds.hi[axis] >= centre[axis] - leaf.pad - margin;
+      low[axis] = leaf.bounds.lo[axis] <= planes[axis] + leaf.pad + margin;
+      high[axis] = leaf.bounds.hi[axis] >= planes[axis] - leaf.pad - margin;
     }
     for (int k = 0; k < 8; ++k)
       if ((k & 1 ? high : low)[0] && (k & 2 ? high : low)[1] && (k & 4 ? high : low)[2]) in_octant_[k].push_back(i);
   }
   for (int k = 0; k < 8; ++k) {
-    const Box box = octant(cell, k);
+    const Box box = octant(cell, planes, k);
     remaining_.clear();
     for (const std::uint32_t i : in_octant_[k]) {
       const Leaf& leaf = leaf_of(tree[i]);

@@ -94,10 +94,11 @@ class CellClassifier {
   /// `cell` without pad; the classes hold for the cell grown by P (rule 9) and by `margin`.
   Class localize(TreeView tree, const Box& cell, std::vector<TreeNode>& localized, double margin = 0);
 
-  /// The same for the octants of a cell: bounds are compared with its middle planes once for all eight.
-  /// Octant i lies above the middle on the axes whose bits are set.
-  void localize_octants(TreeView tree, const Box& cell, Class (&kinds)[8], std::vector<TreeNode> (&localized)[8],
-                        double margin = 0);
+  /// The same for the octants of a cell: bounds are compared with the three planes that divide it once for
+  /// all eight. Octant i lies above the planes on the axes whose bits are set; a plane at infinity leaves
+  /// nothing above it.
+  void localize_octants(TreeView tree, const Box& cell, const Vec3& planes, Class (&kinds)[8],
+                        std::vector<TreeNode> (&localized)[8], double margin = 0);
 
  private:
   const Leaf& leaf_of(const TreeNode& node) const { return tree_.leaves()[static_cast<std::size_t>(node.leaf())]; }
@@ -108,13 +109,18 @@ class CellClassifier {
   std::vector<std::uint32_t> in_octant_[8];
 };
 
-/// Octant i of a box.
-inline Box octant(const Box& box, int i) {
-  const Vec3 centre = box.center();
+/// Octant i of a box that is divided by three planes.
+inline Box octant(const Box& box, const Vec3& planes, int i) {
   Box out = box;
-  for (int axis = 0; axis < 3; ++axis) (i >> axis & 1 ? out.lo : out.hi)[axis] = centre[axis];
+  for (int axis = 0; axis < 3; ++axis)
+    if (i >> axis & 1)
+      out.lo[axis] = planes[axis];
+    else
+      out.hi[axis] = std::min(out.hi[axis], planes[axis]);
   return out;
 }
+/// By those through its middle.
+inline Box octant(const Box& box, int i) { return octant(box, box.center(), i); }
 
 inline int leaf_count(TreeView tree) { return (static_cast<int>(tree.size()) + 1) / 2; }
 

@@ -6,12 +6,13 @@
 // reconstruction: a binary space partition by axis-aligned planes, in which a region is cut along a
 // face of an S-bound of its own localized tree until it has at most h halfspaces, is at level d, or no
 // face passes through it.
-//   order   bottom_up: faces of the primitives first, in the order of the source, then of their
-//           parents. top_down: of the root first, then of its children.
-//           median: the face that divides the primitives' S-bounds most evenly.
-//   d, h    limits, as for the octree; a level is one cut.
-//   budget_mb   where it is spent, regions stay uncut.
-#include "../structures/cells.hpp"
+//   order           bottom_up: faces of the primitives first, in the order of the source, then of their
+//                   parents. top_down: of the root first, then of its children.
+//                   median: the face that divides the primitives' S-bounds most evenly.
+//   d, h            limits, as for the octree; a level is one cut.
+//   build_threads   as for sdsm: the same regions, whatever their number.
+//   budget_mb       where it is spent, regions stay uncut.
+#include "../structures/subdivision.hpp"
 
 namespace csg {
 namespace {
@@ -25,9 +26,12 @@ struct Plane {
 
 class ChuangHwang final : public Tracer {
  public:
-  ChuangHwang(std::shared_ptr<const CsgTree> tree, int d, int h, Order order, std::size_t most_bytes)
-      : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
-    Builder(*this, d, h, order, most_bytes).divide(global_tree(*tree_), world_, 0);
+  ChuangHwang(std::shared_ptr<const CsgTree> tree, int d, int h, Order order, const BuildLimits& limits)
+      : Tracer(std::move(tree)), world_(tree_->world()), nodes_(1), trees_(*tree_) {
+    Subdivision<Divider> subdivision({*this, d, h, order}, trees_, limits);
+    subdivision.build(global_tree(*tree_), {world_, {}}, 0);
+    deepest_level_ = subdivision.deepest_level();
+    over_budget_ = subdivision.over_budget();
     nodes_.shrink_to_fit();
     trees_.shrink();
   }
@@ -45,49 +49,49 @@ class ChuangHwang final : public Tracer {
   static constexpr int kDeepest = 60;
 
  private:
-  /// In pre-order: the child below the plane follows its parent.
   struct BspNode {
-    double at;           // of the plane
-    std::int32_t above;  // index of the other child; of a leaf: the cell's code
-    std::int32_t axis;   // −1: a leaf
+    double at;          // of the plane
+    std::int32_t link;  // index of the child below it, which the one above follows; of a leaf: the cell's code
+    std::int32_t axis;  // −1: a leaf
   };
 
-  class Builder {
+  /// As Subdivision asks for it. A slot is an index into `nodes_`.
+  class Divider {
    public:
-    Builder(ChuangHwang& bsp, int d, int h, Order order, std::size_t most_bytes)
-        : bsp_(bsp),
-          d_(d),
-          h_(h),
-          order_(order),
-          most_bytes_(most_bytes),
-          classifier_(*bsp.tree_),
-          tree_of_level_(static_cast<std::size_t>(d) + 1) {}
+    struct Place {
+      Box region;
+      Plane cut;
+    };
+    using Parts = CellParts<Place, 2>;
 
-    /// Recursion is no deeper than d.
-    void divide(TreeView parent, const Box& region, int level) {
-      bsp_.deepest_level_ = std::max(bsp_.deepest_level_, level);
-      std::vector<TreeNode>& tree = tree_of_level_[static_cast<std::size_t>(level)];
-      const Class kind = classifier_.localize(parent, region, tree);
-      if (kind != Class::Partial) return add_leaf(Cell::constant(kind == Class::Full));
-      const bool divisible = level < d_ && leaf_count(tree) > h_;
-      const bool over_budget = divisible && bsp_.bytes() > most_bytes_;
-      bsp_.over_budget_ += over_budget;
-      const Plane plane = divisible && !over_budget ? choose(tree, region) : Plane{};
-      if (plane.axis < 0) return add_leaf(bsp_.trees_.add(tree, region));
-      const std::size_t self = bsp_.nodes_.size();
-      bsp_.nodes_.push_back({plane.at, 0, plane.axis});
-      Box part = region;
-      part.hi[plane.axis] = plane.at;
-      divide(tree, part, level + 1);
-      bsp_.nodes_[self].above = static_cast<std::int32_t>(bsp_.nodes_.size());
-      part = region;
-      part.lo[plane.axis] = plane.at;
-      divide(tree, part, level + 1);
+    Divider(ChuangHwang& bsp, int d, int h, Order order)
+        : bsp_(bsp), d_(d), h_(h), order_(order), classifier_(*bsp.tree_) {}
+
+    static const Box& box(const Place& place) { return place.region; }
+
+    Class localize(TreeView tree, const Place& place, std::vector<TreeNode>& localized) {
+      return classifier_.localize(tree, place.region, localized);
+    }
+    void divide(TreeView tree, const Place& place, Parts& parts) {
+      parts.places[0] = parts.places[1] = place;
+      parts.places[0].region.hi[place.cut.axis] = parts.places[1].region.lo[place.cut.axis] = place.cut.at;
+      for (int i = 0; i < 2; ++i) parts.kinds[i] = localize(tree, parts.places[i], parts.trees[i]);
+    }
+    bool divides(TreeView tree, Place& place, int level) {
+      place.cut = level < d_ && leaf_count(tree) > h_ ? choose(tree, place.region) : Plane{};
+      return place.cut.axis >= 0;
     }
 
-   private:
-    void add_leaf(Cell cell) { bsp_.nodes_.push_back({0, cell.code(), -1}); }
+    std::size_t open(std::size_t slot, const Place& place) {
+      const std::size_t first = bsp_.nodes_.size();
+      bsp_.nodes_[slot] = {place.cut.at, static_cast<std::int32_t>(first), place.cut.axis};
+      bsp_.nodes_.resize(first + 2);
+      return first;
+    }
+    void close(std::size_t slot, const Place&, Cell cell) { bsp_.nodes_[slot] = {0, cell.code(), -1}; }
+    std::size_t bytes() const { return bsp_.bytes(); }
 
+   private:
     /// A cut is worth making only if both parts are much thicker than the pad of classes.
     bool cuts(const Box& region, int axis, double at) const {
       const double margin = 16 * bsp_.tree_->pad();
@@ -121,15 +125,15 @@ class ChuangHwang final : public Tracer {
             lows_.push_back(bounds_[i].lo[axis]), highs_.push_back(bounds_[i].hi[axis]);
         std::sort(lows_.begin(), lows_.end());
         std::sort(highs_.begin(), highs_.end());
-        for (const std::vector<double>* faces : {&lows_, &highs_})
+        for (const std::vector<double>* faces : {&lows_, &highs_}) {
+          std::size_t below = 0, left = 0;  // S-bounds that begin below the face, that end there or below
           for (const double at : *faces) {
-            if (!cuts(region, axis, at)) continue;
-            const auto below =
-                static_cast<std::size_t>(std::lower_bound(lows_.begin(), lows_.end(), at) - lows_.begin());
-            const auto above =
-                static_cast<std::size_t>(highs_.end() - std::upper_bound(highs_.begin(), highs_.end(), at));
-            if (std::max(below, above) < fewest) fewest = std::max(below, above), best = {axis, at};
+            while (below < lows_.size() && lows_[below] < at) ++below;
+            while (left < highs_.size() && highs_[left] <= at) ++left;
+            const std::size_t more = std::max(below, highs_.size() - left);
+            if (more < fewest && cuts(region, axis, at)) fewest = more, best = {axis, at};
           }
+        }
       }
       return best;
     }
@@ -137,9 +141,7 @@ class ChuangHwang final : public Tracer {
     ChuangHwang& bsp_;
     int d_, h_;
     Order order_;
-    std::size_t most_bytes_;
     CellClassifier classifier_;
-    std::vector<std::vector<TreeNode>> tree_of_level_;
     std::vector<Box> bounds_;
     std::vector<double> lows_, highs_;
   };
@@ -158,16 +160,16 @@ class ChuangHwang final : public Tracer {
       for (;;) {
         const BspNode& node = nodes_[static_cast<std::size_t>(task.node)];
         if (node.axis < 0) {
-          if (visit(Cell::decode(node.above), task.t0, task.t1)) return;
+          if (visit(Cell::decode(node.link), task.t0, task.t1)) return;
           break;
         }
-        const std::int32_t below = task.node + 1;
+        const std::int32_t below = node.link, above = node.link + 1;
         if (reciprocal.parallel[node.axis]) {
-          task.node = ray.origin[node.axis] < node.at ? below : node.above;
+          task.node = ray.origin[node.axis] < node.at ? below : above;
           continue;
         }
         const bool forward = reciprocal.forward[node.axis];
-        const std::int32_t near = forward ? below : node.above, far = forward ? node.above : below;
+        const std::int32_t near = forward ? below : above, far = forward ? above : below;
         const double t = reciprocal.plane(node.axis, node.at, ray.origin);
         if (t <= task.t0) {
           task.node = far;
@@ -216,6 +218,7 @@ const SchemeInfo scheme_chuang_hwang{
                 .default_value = std::string("median"),
                 .choices = {"bottom_up", "top_down", "median"},
                 .trial_values = {std::string("bottom_up"), std::string("top_down"), std::string("median")}},
+               build_threads_param(),
                budget_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       const std::string& order = params.choice("order");
@@ -223,7 +226,7 @@ const SchemeInfo scheme_chuang_hwang{
                                            order == "bottom_up"  ? Order::BottomUp
                                            : order == "top_down" ? Order::TopDown
                                                                  : Order::Median,
-                                           budget_of(params));
+                                           BuildLimits::of(params));
     }};
 
 }  // namespace csg

@@ -22,7 +22,7 @@ class PacketSdsm final : public Tracer {
   PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int few, int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, limits.margin, tight, few, thread_count(limits.threads)),
+        packets_(*tree_, octree_, limits.margin, tight, few, thread_count(limits.build.threads)),
         walk_(packets::walk_up_to(level)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }

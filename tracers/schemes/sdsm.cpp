@@ -6,7 +6,7 @@
 // spans of the few halfspaces that are left. This is the paper's "Bound: No".
 //   d, h            limits of the octree.
 //   build           eager, as in the paper; lazy: a cell is divided when the first ray enters it.
-//   build_threads   of the eager build. One, as the paper and as all schemes are compared here.
+//   build_threads   of the eager build. One by default, as in the paper and as schemes are compared here.
 //   budget_mb       where it is spent, cells stay undivided.
 #include "../structures/octree_tracer.hpp"
 

@@ -3,17 +3,18 @@
 // The solid's bounding box is cut into n voxels along its longest side and as many of about the same
 // size along the others. Rays go from voxel to voxel by 3D-DDA (Amanatides and Woo 1987), with t
 // computed from the plane's index and never summed up, so that no voxel is skipped.
-//   n           voxels along the longest side.
-//   budget_mb   where it is spent, voxels side by side share a tree.
-#include "../structures/cells.hpp"
+//   n               voxels along the longest side.
+//   build_threads   as for sdsm: the same grid, whatever their number.
+//   budget_mb       where it is spent, voxels side by side share a tree.
+#include "../structures/subdivision.hpp"
 
 namespace csg {
 namespace {
 
 class UniformGrid final : public Tracer {
  public:
-  UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution, std::size_t most_bytes)
-      : Tracer(std::move(tree)), world_(tree_->world()), most_bytes_(most_bytes), trees_(*tree_) {
+  UniformGrid(std::shared_ptr<const CsgTree> tree, int resolution, const BuildLimits& limits)
+      : Tracer(std::move(tree)), world_(tree_->world()), trees_(*tree_) {
     const Vec3 extent = world_.hi - world_.lo;
     const double voxel = std::max({extent.x, extent.y, extent.z}) / resolution;
     for (int axis = 0; axis < 3; ++axis) {
@@ -22,9 +23,9 @@ class UniformGrid final : public Tracer {
     }
     cells_.resize(static_cast<std::size_t>(size_[0]) * static_cast<std::size_t>(size_[1]) *
                   static_cast<std::size_t>(size_[2]));
-    CellClassifier classifier(*tree_);
-    std::vector<std::vector<TreeNode>> tree_of_depth(64);
-    divide(classifier, tree_of_depth, 0, global_tree(*tree_), {{0, 0, 0}, {size_[0], size_[1], size_[2]}});
+    Subdivision<Divider> subdivision(Divider(*this), trees_, limits);
+    subdivision.build(global_tree(*tree_), {{0, 0, 0}, {size_[0], size_[1], size_[2]}}, 0);
+    over_budget_ = subdivision.over_budget();
     trees_.shrink();
   }
 
@@ -38,10 +39,6 @@ class UniformGrid final : public Tracer {
   }
 
  private:
-  struct Range {
-    int lo[3], hi[3];
-  };
-
   double plane(int axis, int index) const { return world_.lo[axis] + index * step_[axis]; }
   std::size_t index(const int at[3]) const {
     return static_cast<std::size_t>(at[0]) +
@@ -49,37 +46,58 @@ class UniformGrid final : public Tracer {
                (static_cast<std::size_t>(at[1]) + static_cast<std::size_t>(size_[1]) * static_cast<std::size_t>(at[2]));
   }
 
-  /// Halves a range of voxels until it is constant or one voxel: each localizes its parent's tree.
-  void divide(CellClassifier& classifier, std::vector<std::vector<TreeNode>>& tree_of_depth, std::size_t depth,
-              TreeView parent, const Range& range) {
-    Box box;
-    int longest = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      box.lo[axis] = plane(axis, range.lo[axis]);
-      box.hi[axis] = plane(axis, range.hi[axis]);
-      if (range.hi[axis] - range.lo[axis] > range.hi[longest] - range.lo[longest]) longest = axis;
+  /// As Subdivision asks for it: a range of voxels is divided until it is constant or one voxel.
+  class Divider {
+   public:
+    struct Place {
+      int lo[3], hi[3];
+    };
+    using Parts = CellParts<Place, 8>;
+
+    explicit Divider(UniformGrid& grid) : grid_(grid), classifier_(*grid.tree_) {}
+
+    Box box(const Place& range) const {
+      Box box;
+      for (int axis = 0; axis < 3; ++axis) {
+        box.lo[axis] = grid_.plane(axis, range.lo[axis]);
+        box.hi[axis] = grid_.plane(axis, range.hi[axis]);
+      }
+      return box;
     }
-    std::vector<TreeNode>& tree = tree_of_depth[depth];
-    const Class kind = classifier.localize(parent, box, tree);
-    const int middle = (range.lo[longest] + range.hi[longest]) / 2;
-    const bool divisible = kind == Class::Partial && middle != range.lo[longest];
-    const bool over_budget = divisible && bytes() > most_bytes_;
-    over_budget_ += over_budget;
-    if (!divisible || over_budget) {
-      const Cell cell = kind == Class::Partial ? trees_.add(tree, box) : Cell::constant(kind == Class::Full);
+
+    Class localize(TreeView tree, const Place& range, std::vector<TreeNode>& localized) {
+      return classifier_.localize(tree, box(range), localized);
+    }
+    /// At the middle of each side that is more than half as long as the longest.
+    void divide(TreeView tree, const Place& range, Parts& parts) {
+      std::fill_n(parts.places, Parts::kCount, range);
+      Vec3 planes{kInfinity, kInfinity, kInfinity};
+      for (int axis = 0; axis < 3; ++axis) {
+        const bool halved = 2 * side(range, axis) > std::max(longest(range), 2);
+        const int middle = halved ? (range.lo[axis] + range.hi[axis]) / 2 : range.hi[axis];
+        if (halved) planes[axis] = grid_.plane(axis, middle);
+        for (int i = 0; i < 8; ++i) (i >> axis & 1 ? parts.places[i].lo : parts.places[i].hi)[axis] = middle;
+      }
+      classifier_.localize_octants(tree, box(range), planes, parts.kinds, parts.trees);
+    }
+    static bool divides(TreeView, const Place& range, int) { return longest(range) > 1; }
+
+    std::size_t open(std::size_t, const Place&) { return 0; }  // ranges name themselves
+    void close(std::size_t, const Place& range, Cell cell) {
       int at[3];
       for (at[2] = range.lo[2]; at[2] < range.hi[2]; ++at[2])
         for (at[1] = range.lo[1]; at[1] < range.hi[1]; ++at[1])
-          for (at[0] = range.lo[0]; at[0] < range.hi[0]; ++at[0]) cells_[index(at)] = cell.code();
-      return;
+          for (at[0] = range.lo[0]; at[0] < range.hi[0]; ++at[0]) grid_.cells_[grid_.index(at)] = cell.code();
     }
-    Range half = range;
-    half.hi[longest] = middle;
-    divide(classifier, tree_of_depth, depth + 1, tree, half);
-    half = range;
-    half.lo[longest] = middle;
-    divide(classifier, tree_of_depth, depth + 1, tree, half);
-  }
+    std::size_t bytes() const { return grid_.bytes(); }
+
+   private:
+    static int side(const Place& range, int axis) { return range.hi[axis] - range.lo[axis]; }
+    static int longest(const Place& range) { return std::max({side(range, 0), side(range, 1), side(range, 2)}); }
+
+    UniformGrid& grid_;
+    CellClassifier classifier_;
+  };
 
   template <class Visit>
   void walk(const Ray& ray, const Reciprocal& reciprocal, double t0, double t_end, Visit visit) const {
@@ -126,7 +144,6 @@ class UniformGrid final : public Tracer {
   int size_[3];
   Vec3 step_;
   std::vector<std::int32_t> cells_;
-  std::size_t most_bytes_;
   std::size_t over_budget_ = 0;  // ranges of voxels that share a tree for want of memory
   CellTrees trees_;
 };
@@ -143,9 +160,10 @@ const SchemeInfo scheme_uniform_grid{
                 .minimum = 1,
                 .maximum = 400,
                 .trial_values = {1L, 7L, 32L}},
+               build_threads_param(),
                budget_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"), budget_of(params));
+      return std::make_unique<UniformGrid>(std::move(tree), params.integer("n"), BuildLimits::of(params));
     }};
 
 }  // namespace csg

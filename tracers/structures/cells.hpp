@@ -16,7 +16,17 @@ inline constexpr std::size_t kMegabyte = 1'000'000;
 /// A structure takes no more bytes than this unless it is told to.
 inline constexpr std::size_t kDefaultBudget = 4'000'000'000;
 
-/// The declaration of that budget, for schemes that divide space, and what was asked for, in bytes.
+/// Limits of building a structure of cells.
+struct BuildLimits {
+  int threads = 1;                          ///< that build; 0: one a core
+  std::size_t most_bytes = kDefaultBudget;  ///< cells are divided no further once the structure takes this
+
+  static BuildLimits of(const Params& params) {
+    return {params.integer("build_threads"), static_cast<std::size_t>(params.integer("budget_mb")) * kMegabyte};
+  }
+};
+
+/// The declaration of the budget, for schemes that divide space.
 inline ParamSpec budget_param() {
   return {.name = "budget_mb",
           .meaning = "cells are divided no further once the structure takes this many megabytes",
@@ -25,9 +35,6 @@ inline ParamSpec budget_param() {
           .maximum = 1'000'000,
           .trial_values = {static_cast<long>(kDefaultBudget / kMegabyte)},
           .implied_by_default = true};
-}
-inline std::size_t budget_of(const Params& params) {
-  return static_cast<std::size_t>(params.integer("budget_mb")) * kMegabyte;
 }
 
 /// A terminal cell: Empty, Full, or the number of a localized tree.

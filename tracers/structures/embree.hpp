@@ -35,7 +35,8 @@ inline double size_with_pads(const Box& world, double size) {
   return size;
 }
 
-/// Owns a device and a scene of one geometry. Embree's build uses one thread, as all schemes do.
+/// Owns a device and a scene of one geometry. Embree's build always uses one thread: its pool is the process's, as
+/// large as any live device asks for, so one that asks for more would build all others by more too.
 class EmbreeScene {
  public:
   explicit EmbreeScene(RTCGeometryType type) : device_(rtcNewDevice("threads=1,start_threads=0")) {

@@ -57,7 +57,7 @@ std::unique_ptr<LazyOctree::Workshop> LazyOctree::take_workshop() const {
 LazyCell::State LazyOctree::build(LazyCell& cell, Workshop& workshop) const {
   const Box box = box_of(cell);
   if (limits_.divides(model_, cell.tree, box, cell.level)) {
-    if (committed_ <= limits_.most_bytes) {
+    if (committed_ <= limits_.build.most_bytes) {
       divide(cell, box, workshop);
       return State::Divided;
     }
@@ -71,7 +71,7 @@ LazyCell::State LazyOctree::build(LazyCell& cell, Workshop& workshop) const {
 }
 
 void LazyOctree::divide(LazyCell& cell, const Box& box, Workshop& workshop) const {
-  workshop.classifier.localize_octants(cell.tree, box, workshop.kinds, workshop.trees);
+  workshop.classifier.localize_octants(cell.tree, box, box.center(), workshop.kinds, workshop.trees);
   auto octants = std::make_unique<LazyCell[]>(8);
   std::size_t bytes = 0;
   for (int i = 0; i < 8; ++i) {

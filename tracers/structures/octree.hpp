@@ -8,12 +8,11 @@
 
 namespace csg {
 
-/// Limits of the subdivision: the paper's d and h; and of what it may take.
+/// Limits of the subdivision: the paper's d and h; and of building it.
 struct OctreeLimits {
-  int d;                                    ///< maximum level; the root is level 0
-  int h;                                    ///< a cell with this many halfspaces, or fewer, is not divided
-  int threads = 1;                          ///< that build; 0: one a core
-  std::size_t most_bytes = kDefaultBudget;  ///< cells are divided no further once the structure takes this
+  int d;  ///< maximum level; the root is level 0
+  int h;  ///< a cell with this many halfspaces, or fewer, is not divided
+  BuildLimits build{};
   double margin = 0;  ///< cells' trees hold so far around them, in halves of their sides, besides P
 
   static OctreeLimits of(const Params& params);
@@ -84,7 +83,7 @@ class Octree {
   static constexpr int kDeepest = kDeepestOctree;
 
  private:
-  class Builder;
+  class Divider;
 
   // A link to a cell: ≥ 0 the first of its eight children; else Empty, Full, or a tree.
   static constexpr std::int32_t kEmptyLink = -1, kFullLink = -2, kFirstPartial = -3;

@@ -7,7 +7,20 @@
 #include <thread>
 #include <vector>
 
+#include "../params.hpp"
+
 namespace csg {
+
+/// The declaration of how many threads build, for schemes where several can.
+inline ParamSpec build_threads_param() {
+  return {.name = "build_threads",
+          .meaning = "that build the structure, the same whatever their number; 0: one a core",
+          .default_value = 1L,
+          .minimum = 0,
+          .maximum = 256,
+          .trial_values = {2L},
+          .implied_by_default = true};
+}
 
 /// 0 means one a core.
 inline std::size_t thread_count(int asked) {
