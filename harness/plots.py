@@ -48,7 +48,8 @@ def all_plots(paper: Results, grid: Results, cost_of: CostOf) -> Iterator[tuple[
         if any(row.ours for row in fig.rows):
             yield f"{name}_{fig.model}", times(fig)
     for model in dict.fromkeys(result.model for result in grid.tabled):
-        yield f"grid_{model}", heat_maps(model, grid)
+        if any(grid_of(grid, model, bound) for bound in BOUNDS):
+            yield f"grid_{model}", heat_maps(model, grid, paper.code_version)
     for model in dict.fromkeys(result.model for result in paper.tabled):
         yield f"schemes_{model}", schemes(model, paper)
         yield f"cost_{model}", cost_pictures(model, paper, cost_of)
@@ -130,8 +131,9 @@ def _reach(estimates: list[Estimate]) -> np.ndarray:
     return np.array(reach).T.clip(0)
 
 
-def heat_maps(model: str, grid: Results) -> Canvas:
-    """Trace and total time over d and h, one map for each kind of bound, the best cell marked."""
+def heat_maps(model: str, grid: Results, code_version: str | None = None) -> Canvas:
+    """Trace and total time over d and h, one map for each kind of bound, the best cell marked. The
+    title says if they were measured by another version of the code than this."""
     kinds = {bound: grid_of(grid, model, bound) for bound in BOUNDS}
     kinds = {bound: list(results.values()) for bound, results in kinds.items() if results}
     everything = [r for results in kinds.values() for r in results]
@@ -162,9 +164,11 @@ def heat_maps(model: str, grid: Results) -> Canvas:
         bar.ax.yaxis.set_major_formatter("{x:,.10g}")
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
     size = everything[0].configuration
-    canvas.suptitle(
-        f"{model}, {size.width}×{size.height}: the optimum over d and h (star); blank: not tabled"
-    )
+    title = f"{model}, {size.width}×{size.height}: the optimum over d and h (star)"
+    title += "; blank: not tabled"
+    if code_version not in (None, grid.code_version):
+        title += f"\nmeasured by an earlier version of the code, {grid.code_version}"
+    canvas.suptitle(title)
     return canvas
 
 

@@ -159,13 +159,19 @@ class Results:
         return None
 
 
-def load(store: Store, study: Study) -> Results:
-    """Read and judge the rows of a study: those of the newest code that has any and, for each
-    model, of its newest form."""
+def load(store: Store, study: Study, fullest: bool = False) -> Results:
+    """Read and judge the rows of a study: those of the newest code that has any, or, `fullest`, of
+    the code that has most of its configurations, the newest of equals; and, for each model, of its
+    newest form."""
     rows = store.records()
     planned = {tuple(getattr(c, key) for key in _CONFIGURATION) for c in study.configurations}
-    own = [tuple(row) in planned for row in rows[_CONFIGURATION].itertuples(index=False)]
-    rows = rows[rows["code_version"].isin(rows.loc[own, "code_version"].tail(1))]
+    is_own = [tuple(row) in planned for row in rows[_CONFIGURATION].itertuples(index=False)]
+    own = rows.loc[is_own]
+    codes = list(own["code_version"].drop_duplicates(keep="last"))[::-1]  # newest first
+    if fullest:
+        distinct = own.drop_duplicates(["code_version", *_CONFIGURATION])["code_version"]
+        codes.sort(key=distinct.value_counts().get, reverse=True)
+    rows = rows[rows["code_version"].isin(codes[:1])]
     rows = rows[rows["model_hash"] == rows.groupby("model")["model_hash"].transform("last")]
     model_hashes = dict(zip(rows["model"], rows["model_hash"], strict=True))
     checks = {tuple(check[key] for key in _PICTURE): check for check in store.checks()}

@@ -116,12 +116,13 @@ def _build_ratio(fig: Figure, group: list[Row]) -> float | None:
 
 def optimum(figures: Iterable[Figure], grid: Results, code_version: str | None = None) -> Table:
     """The best d:h by trace time and by total time, in the paper's rows and in the grid study."""
-    rows = []
+    rows, has_grid = [], False
     for fig in figures:
         for bound, label in BOUNDS.items():
             printed_rows = [r for r in fig.bound(bound) if r.paper]
             measured = {row.name: row.ours for row in fig.bound(bound) if row.ours}
             bracketed = grid_of(grid, fig.model, bound)
+            has_grid |= bool(bracketed)
             best = min(measured.values(), key=lambda r: r.trace_s.median, default=None)
             ties = [name for name, r in measured.items() if r is not best and equally_fast(best, r)]
             rows.append([
@@ -143,7 +144,7 @@ def optimum(figures: Iterable[Figure], grid: Results, code_version: str | None =
         Column("grid_total", "by total", group="ours, grid study"),
     ]
     notes = [AS_FAST]
-    if grid.code_version not in (None, code_version):
+    if has_grid and grid.code_version != code_version:
         notes.append(
             f"The grid study was measured by an earlier version of the code, {grid.code_version}; "
             f"the rest by {code_version}."
@@ -154,13 +155,16 @@ def optimum(figures: Iterable[Figure], grid: Results, code_version: str | None =
 
 
 def grid_of(grid: Results, model: str, bound: str) -> dict[str, Result]:
-    """The grid study's results of one model and kind of bound, by d:h."""
+    """The grid study's results of one model and kind of bound, by d:h; none without two d and two
+    h, for a cell may have been measured by another study alone."""
     scheme = "sdsm" if bound == "none" else "hybrid_sdsm"
-    return {
+    found = {
         "{d}:{h}".format(**r.params): r
         for r in grid.tabled
         if (r.model, r.scheme) == (model, scheme) and r.params.get("bound", "none") == bound
     }
+    is_grid = all(len({r.params[key] for r in found.values()}) > 1 for key in "dh")
+    return found if is_grid else {}
 
 
 def _best(results: dict[str, Result], key: str) -> str | None:

@@ -1,8 +1,10 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from test_tables import GRID, fill, read
 
-from harness.plots import all_plots, save
+from harness.plots import all_plots, heat_maps, save
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +22,15 @@ def test_everything_measured_is_drawn(measured):
     expected = {"figure8_ball", "figure9_ngk", "grid_ball", "grid_ngk"}
     models = ("ball", "ngk", "ngkcut")
     assert set(names) == expected | {f"{kind}_{m}" for kind in ("schemes", "cost") for m in models}
+
+
+def test_a_grid_of_one_cell_is_not_drawn_and_one_of_other_code_says_so(measured):
+    paper, grid = measured
+    lone = dataclasses.replace(grid, all=grid.all[:1])
+    assert not [name for name, _ in all_plots(paper, lone, cost) if name.startswith("grid")]
+    title = heat_maps("ball", grid, "now").get_suptitle()
+    assert title.endswith("measured by an earlier version of the code, code")
+    assert "earlier" not in heat_maps("ball", grid, "code").get_suptitle()
 
 
 def test_the_same_numbers_give_the_same_bytes(measured, tmp_path):

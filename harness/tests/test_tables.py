@@ -266,6 +266,24 @@ def test_the_optimum_is_taken_from_the_grid_too(tmp_path, paper):
     assert row == ["ngk", "Yes (root)", "6:7", "6:7", "5:10", None, "5:10", "5:10", "5:10"]
 
 
+def test_a_cell_of_a_newer_code_neither_hides_the_grid_nor_is_one(tmp_path, paper):
+    cell = dataclasses.replace(first(GRID.configurations[0]), code_version="newer")
+    measured = Outcome("ok", started_utc="9", build_s=1, trace_s=1, picture_hash="p")
+    full, alone = fill(tmp_path / "full.sqlite", GRID), Store(tmp_path / "alone.sqlite")
+    alone.add_session(session("s"))
+    for store in (full, alone):
+        store.add_trial("s", cell, measured)
+    whole, lone = (results.load(store, GRID, fullest=True) for store in (full, alone))
+    assert (whole.code_version, len(whole.tabled)) == ("code", len(GRID.configurations))
+    assert (lone.code_version, len(lone.tabled)) == ("newer", 1)
+    assert len(tables.grid_of(whole, "ball", "none")) == 90
+    assert tables.grid_of(lone, "ball", "none") == {}
+    figs = [figures.figure("figure8", paper)]
+    (earlier,) = tables.optimum(figs, whole, "now").notes[1:]
+    assert "measured by an earlier version of the code, code; the rest by now" in earlier
+    assert tables.optimum(figs, lone, "now").notes[1:] == []
+
+
 # --- Forms ----------------------------------------------------------------------------------------
 
 COUNTED = {
