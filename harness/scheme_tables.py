@@ -139,7 +139,9 @@ def per_ray_columns() -> list[Column]:
 
 
 def repeats(result: Result) -> str:
-    return f"{len(result.rows)} of {result.configuration.repeats}"
+    """`5`, or `2 of 5` where fewer were measured than planned."""
+    measured, planned = len(result.rows), result.configuration.repeats
+    return str(measured) if measured >= planned else f"{measured} of {planned}"
 
 
 def per_ray(result: Result) -> list[float | None]:

@@ -75,7 +75,8 @@ def timing(name: str, fig: Figure) -> Table:
     ]
     notes = [
         '"saved" is of the trace time, by the bound, at the same d:h; ours from pairs measured in '
-        f"the same round. {INTERVAL} Yes (root) is the S-bound of the root of each cell's tree, "
+        "the same round, or, where fewer than three rounds measured both, from the medians and "
+        f"without interval. {INTERVAL} Yes (root) is the S-bound of the root of each cell's tree, "
         "the paper's Figure 6; Yes (every node) goes beyond the paper."
     ]
     title = f"Figure {name.removeprefix('figure')}: timing data of model {fig.model}"

@@ -147,6 +147,12 @@ def test_only_the_newest_code_and_model_are_read(tmp_path):
     assert {r.status for r in found.all if not r.ok} == {"not run"}
 
 
+def test_repeats_name_the_plan_where_it_was_not_kept(paper):
+    one = paper.tabled[0]
+    assert scheme_tables.repeats(one) == "5"
+    assert scheme_tables.repeats(dataclasses.replace(one, rows=one.rows[:2])) == "2 of 5"
+
+
 def test_values_of_different_rounds_and_sessions_are_not_paired(paper):
     a, b = paper.tabled[:2]
     assert len(results.paired(a, b, "trace_s")[0]) == 5
