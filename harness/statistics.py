@@ -69,6 +69,11 @@ def ratio(numerators: Sequence[float], denominators: Sequence[float]) -> Estimat
     return estimate(np.asarray(numerators, float) / np.asarray(denominators, float))
 
 
+def rate_bound(seen: int, tried: int) -> float:
+    """95% upper bound of the rate of what was seen so often in so many tries: 3/N if never."""
+    return (3 if seen == 0 else seen + 2 * math.sqrt(seen) + 2) / max(tried, 1)
+
+
 def break_even(build_cost: float, trace_gain: float) -> float:
     """How many pictures must be traced until what was spent on building is gained back.
 

@@ -13,9 +13,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from harness.accuracy.settings import NAME, Setting
 from harness.plots import save
+from harness.statistics import rate_bound
 from harness.table import Column, Table, milliseconds, number, scientific, write_forms
 
-FLOOR = 1e-6  # where a mean FLIP of exactly 0 is drawn
 KNOBS = {  # colour, mark; what is not a knob of the exact scheme is another scheme
     "exact": ("#000000", "*"),
     "precision": ("#0072B2", "s"),
@@ -49,7 +49,11 @@ def settings_table(model: str, settings: Iterable[Setting]) -> Table:
             s.knob, s.value, s.ray_ns, s.preparation_s, f["surface_p999"], f["surface_max"],
             f["depth_rmse"], *rates, f["normal_p999_deg"], f["flip"],
         ])  # fmt: skip
-    rate: Callable[[float], str] = lambda x: number(x) if x else f"< {number(3e6 / pixels)}"  # noqa: E731
+
+    def rate(per_million: float) -> str:
+        bound = 1e6 * rate_bound(0, pixels)
+        return number(per_million) if per_million else f"< {number(bound)}"
+
     columns = [
         Column("knob", "knob", align="l"),
         Column("value", "value", align="l"),
@@ -188,25 +192,28 @@ def choice_table(settings: Sequence[Setting]) -> Table:
 
 _PANELS = {
     "surface_p999": "surface error p99.9, of the size",
-    "flips": "mask flips a million pixels",
+    "flips": "mask flips a million pixels: 95% bound",
     "flip": "mean FLIP",
 }
 
 
 def plot(model: str, settings: Iterable[Setting]) -> Canvas:
-    """Time a ray against three errors; the line joins what nothing beats in both."""
+    """Time a ray against three errors; the line joins what nothing beats in both.
+
+    All flips are drawn at their bound: beside plain rates, "none seen" would stand too high. Of the
+    other errors 0 is drawn below all that is not.
+    """
     shown = [s for s in settings if s.result.model == model and s.is_compared]
     canvas = Canvas(figsize=(12, 4.6))
     for axes, (key, what) in zip(canvas.subplots(1, 3), _PANELS.items(), strict=True):
         points: list[tuple[float, float]] = []
         names: list[tuple[float, float]] = []
+        zero = min((s.figures[key] for s in shown if s.figures[key]), default=1) / 3
         for s in shown:
             colour, mark = KNOBS.get(s.knob, ("#777777", "."))
             x = s.ray_ns
-            y = s.per_million(key) if key == "flips" else s.figures[key]
-            none_seen = y == 0
-            if none_seen:
-                y = s.bound_per_million if key == "flips" else FLOOR
+            none_seen = s.figures[key] == 0
+            y = s.bound_per_million(key) if key == "flips" else s.figures[key] or zero
             points.append((x.median, y))
             reach = [[max(0, x.median - x.low)], [max(0, x.high - x.median)]]
             axes.errorbar(x.median, y, xerr=np.nan_to_num(reach), fmt=mark, color=colour,
@@ -231,7 +238,10 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
     used = [knob for knob in KNOBS if any(s.knob == knob for s in shown)]
     marks = [canvas.axes[0].plot([], [], KNOBS[k][1], color=KNOBS[k][0])[0] for k in used]
     canvas.legend(marks, used, loc="outside lower center", ncols=len(used), fontsize=8)
-    canvas.suptitle(f"{model}: speed for accuracy (hollow: none seen; flips at their 95% bound)")
+    canvas.suptitle(
+        f"{model}: speed for accuracy. Hollow: no error seen (0 is drawn below all others). "
+        "Grey line: what no setting beats in both"
+    )
     return canvas
 
 

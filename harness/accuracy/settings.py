@@ -12,7 +12,7 @@ from harness.accuracy.measure import by_model, measure
 from harness.machine import code_version
 from harness.results import Result, Results
 from harness.schemes import precision
-from harness.statistics import Estimate
+from harness.statistics import Estimate, rate_bound
 from harness.store import Errors, Store
 from harness.study import Configuration, Study
 from harness.worker import utc_now
@@ -46,10 +46,9 @@ class Setting:
         """Of the picture's pixels."""
         return 1e6 * self.figures[key] / self.figures["pixels"]
 
-    @property
-    def bound_per_million(self) -> float:
-        """Below which a rate lies, with 95%, of which no case was seen."""
-        return 3e6 / self.figures["pixels"]
+    def bound_per_million(self, key: str) -> float:
+        """Below which that rate lies with 95%."""
+        return 1e6 * rate_bound(self.figures[key], self.figures["pixels"])
 
     @property
     def is_compared(self) -> bool:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness import statistics
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -33,9 +35,8 @@ class Finding:
 
     @property
     def rate_bound(self) -> float:
-        """95% upper bound of the rate of failures: 3/N where none was seen."""
-        n = self.failures
-        return (3 if n == 0 else n + 2 * np.sqrt(n) + 2) / max(self.rays, 1)
+        """95% upper bound of the rate of failures."""
+        return statistics.rate_bound(self.failures, self.rays)
 
 
 Findings = Iterator[Finding]

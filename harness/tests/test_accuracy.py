@@ -107,6 +107,16 @@ def test_report_says_what_was_turned_and_what_it_costs(settings, tmp_path) -> No
         assert (tmp_path / "accuracy" / file).stat().st_size > 0
 
 
+def test_plotted_flips_are_bounds_and_no_zero_stands_above_an_error(settings) -> None:
+    _, flips, flip = report.plot("ball", settings).axes[:3]
+    drawn = lambda axes: [float(line.get_ydata()[0]) for line in axes.lines[: len(settings)]]  # noqa: E731
+    of = {key: [s.figures[key] for s in settings] for key in ("flips", "flip")}
+    assert sorted(drawn(flips)) == sorted(s.bound_per_million("flips") for s in settings)
+    positive = [x for x in of["flip"] if x]
+    assert 0 < min(drawn(flip)) < min(positive)
+    assert drawn(flip).count(min(drawn(flip))) == of["flip"].count(0) > 0
+
+
 def test_pareto_front() -> None:
     points = [(1, 5), (2, 3), (3, 4), (4, 1), (5, 1), (6, math.inf)]
     assert report._pareto(points) == [(1, 5), (2, 3), (4, 1)]

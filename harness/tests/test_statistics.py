@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.statistics import break_even, estimate, ratio
+from harness.statistics import break_even, estimate, rate_bound, ratio
 
 
 def test_five_values_get_students_t_on_logarithms():
@@ -61,3 +61,10 @@ def test_break_even():
     assert break_even(2.0, 0.0) == math.inf
     assert break_even(-1.0, 0.5) == 0.0
     assert break_even(-1.0, -0.5) == break_even(0.0, 0.0) == math.inf
+
+
+def test_the_bound_of_a_rate_grows_with_what_was_seen():
+    assert rate_bound(0, 1000) == 0.003
+    assert rate_bound(4, 1000) == 0.01
+    bounds = [rate_bound(seen, 1000) for seen in range(6)]
+    assert bounds == sorted(bounds)
