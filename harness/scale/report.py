@@ -229,7 +229,7 @@ def load_table(rows: Iterable[dict]) -> Table:
 
 def plot(family: str, grown: Results) -> Canvas:
     """Build, bytes and ns a ray over n, each scheme with its exponent."""
-    canvas = Canvas(figsize=(12, 4.6))
+    canvas = Canvas(figsize=(12, 6))
     for axes, (measure, (of, title)) in zip(canvas.subplots(1, 3), MEASURES.items(), strict=True):
         for i, scheme in enumerate(catalogue()):
             results = finished(family, scheme, grown)
@@ -248,7 +248,10 @@ def plot(family: str, grown: Results) -> Canvas:
         axes.set_xlabel("n halfspaces")
         axes.set_title(title)
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=7, title="exponent of n", title_fontsize=7)
+        axes.legend(
+            fontsize=7, title="exponent of n", title_fontsize=7, ncols=2, frameon=False,
+            loc="upper center", bbox_to_anchor=(0.5, -0.12),
+        )  # fmt: skip
     canvas.suptitle(f"{family}: growth with the model (dotted: inexact)")
     return canvas
 

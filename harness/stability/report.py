@@ -21,11 +21,13 @@ from harness.stability import Finding, rows
 from harness.stability.planted import Catch, catch_all
 from harness.stability.povray import Peer, compare
 from harness.stability.run import run_row
+from harness.statistics import rate_bound
 from harness.table import Column, Table, integer, write_forms
 
 PLANTED = "X18"
 POVRAY = "povray"  # beside ours, on the rays of X3, X7 and X11
 NAME = "stability"
+LEAST = 1e-3  # of its bar: where a worst error of less, such as 0, is drawn
 COLOURS = {True: "#009E73", False: "#D55E00"}
 
 
@@ -51,8 +53,7 @@ def run(console: Console, names: Sequence[str], most: int, folder: Path) -> None
     every = [*rows(), POVRAY, PLANTED]
     names = [name.upper() if name.upper() in every else name for name in names]
     for name in set(names) - set(every):
-        known = ", ".join(f"{name} ({title})" for name, title in titles().items())
-        raise UserError(f"no row '{name}'; known: {known}")
+        raise UserError(f"no row '{name}'; known: X1 to {PLANTED}, {POVRAY}")
     wanted = [name for name in every if name in names or not (names or _is_kept(kept, name, most))]
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("", total=len(wanted))
@@ -249,13 +250,13 @@ def plot(findings: Sequence[Finding]) -> Canvas:
     canvas = Canvas(figsize=(11, 6))
     left, right = canvas.subplots(1, 2, sharey=True)
     for f in rated:
-        y, worst = names.index(f.row), max(f.worst / f.bar, 1e-3)
+        y, worst = names.index(f.row), max(f.worst / f.bar, LEAST)
         left.plot(worst, y, "o", color=COLOURS[f.met], alpha=0.5, markersize=5)
     left.axvline(1, color="black", linewidth=0.8)
     left.annotate("bar", (1, 0), xytext=(3, 8), textcoords="offset points", fontsize=8)
     canvas.suptitle("Numerical stability at the extremes: worst error and failures, by row")
     left.set_xscale("log")
-    left.set_xlabel("worst error, relative to its bar")
+    left.set_xlabel(f"worst error, relative to its bar ({LEAST:g}: that, or less)")
     for y, name in enumerate(names):
         of_row = [f for f in findings if f.row == name]
         failures, rays = sum(f.failures for f in of_row), sum(f.rays for f in of_row)
@@ -273,13 +274,14 @@ def plot(findings: Sequence[Finding]) -> Canvas:
 
 def plot_peers(peers: Sequence[Peer]) -> Canvas:
     """The share of rays that fail, POV-Ray's and ours; where none does, the 95% bound."""
-    canvas = Canvas(figsize=(8, 0.8 + 0.25 * len(peers)))
+    canvas = Canvas(figsize=(8, 1.2 + 0.3 * len(peers)))
     axes = canvas.subplots()
     axes.set_title("First hits on the same rays, at POV-Ray's own scale but for X11")
     for y, p in enumerate(peers):
         theirs, ours = p.povray_failures / p.rays, p.our_failures / p.rays
-        axes.plot(theirs or 3 / p.rays, y, "o" if theirs else "<", color="#D55E00")
-        axes.plot(ours or 3 / p.rays, y, "s" if ours else "<", color="#0072B2", markersize=4)
+        bound = rate_bound(0, p.rays)
+        axes.plot(theirs or bound, y - 0.15, "o" if theirs else "<", color="#D55E00", markersize=5)
+        axes.plot(ours or bound, y + 0.15, "s" if ours else "<", color="#0072B2", markersize=4)
     axes.plot([], [], "o", color="#D55E00", label="POV-Ray")
     axes.plot([], [], "s", color="#0072B2", label="ours")
     axes.set_xscale("log")
@@ -287,7 +289,7 @@ def plot_peers(peers: Sequence[Peer]) -> Canvas:
     axes.set_yticks(range(len(peers)), [f"{p.row} {p.case}" for p in peers])
     axes.invert_yaxis()
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")
+    canvas.legend(loc="outside lower center", ncols=2)
     return canvas
 
 
