@@ -291,7 +291,8 @@ def stability(
         int,
         typer.Option(
             min=0,
-            help="At most so many a row, but no fewer than in its test.",
+            help="So many a row. But a row never runs fewer than in the tests, for some need many, "
+            "nor more than its full number.",
         ),
     ] = 1_000_000,
     publish: Publish = False,

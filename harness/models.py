@@ -66,7 +66,7 @@ def from_file(path: Path) -> tuple[tracers.CsgTree, Scene]:
         names = ", ".join(load_scenes())
         raise UserError(f"no scene '{path}'; known: {names}, or the path of a .scad or .csg file")
     if not path.is_file():
-        raise UserError(f"{path}: no such file")
+        raise UserError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     csg = to_csg(path, CACHE)
     try:
         loaded = tracers.load_csg(str(csg))

@@ -78,7 +78,9 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
     import tracers
 
     declared = [*catalogue()[scheme].parameters] if scheme in catalogue() else []
-    words = {p.name for p in [*declared, *tracers.numerics_parameters()] if p.choices}
+    declared += tracers.numerics_parameters()
+    words = {p.name for p in declared if p.choices}
+    numbers = {p.name for p in declared} - words
     given: Params = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
@@ -87,6 +89,9 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
         if name in given:
             raise UserError(f"parameter '{name}' is set twice")
         is_number = name not in words and re.fullmatch(r"[+-]?[0-9]+", text)
+        if name in numbers and not is_number:
+            hint = "; settings are separated by spaces" if "," in text else ""
+            raise UserError(f"{scheme}: parameter '{name}' wants a whole number, not '{text}'{hint}")
         given[name] = int(text) if is_number else text
     return complete(scheme, given)
 

@@ -88,9 +88,9 @@ def _warn(err: Console, text: str) -> None:
 
 def parse_size(text: str) -> tuple[int, int]:
     """`512x512` to width and height."""
-    match = re.fullmatch(r"(\d{1,6})[x×](\d{1,6})", text)
-    size = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not 1 <= size[0] * size[1] <= MAX_PIXELS:
-        wanted = f"of the form 512x512, from 1 to {MAX_PIXELS:,} pixels"
-        raise UserError(f"size '{text}' is not {wanted}")
-    return size
+    match = re.fullmatch(r"0*([1-9][0-9]*)[x×]0*([1-9][0-9]*)", text)
+    if not match:
+        raise UserError(f"size '{text}' is not of the form 512x512")
+    if max(map(len, match.groups())) > 9 or int(match[1]) * int(match[2]) > MAX_PIXELS:
+        raise UserError(f"size '{text}' has more than {MAX_PIXELS:,} pixels")
+    return int(match[1]), int(match[2])

@@ -44,12 +44,14 @@ def test_help_teaches():
     [
         (["trace", "nope"], "no scene 'nope'; known: ball, ngk, ngkcut, or the path of"),
         (["trace", "nope.scad"], "nope.scad: no such file"),
+        (["trace", "folder.csg"], "folder.csg: a folder, not a file"),
         (["trace", "ball", "--scheme", "fast"], "unknown scheme 'fast'; known: naive, "),
         (["trace", "ball", "--set", "d"], "'d' is not of the form name=value"),
         (["trace", "ball", "--set", "d=5", "d=6"], "parameter 'd' is set twice"),
         (["oracle", "ball", "--set", "d=5"], "naive: unknown parameter 'd'"),
         (["oracle", "ball", "--scheme", "sdsm", "--set", "k=5"], "unknown parameter 'k'; known: d"),
-        (["trace", "ball", "--set", "d=x"], "hybrid_sdsm: parameter 'd' wants a whole number"),
+        (["trace", "ball", "--set", "d=x"], "parameter 'd' wants a whole number, not 'x'"),
+        (["trace", "ball", "--set", "d=6,h=7"], "not '6,h=7'; settings are separated by spaces"),
         (["trace", "ball", "--set", f"d={1 << 63}"], "hybrid_sdsm: parameter 'd' is 9223372036854"),
         (
             ["trace", "ball", "--set", "k=5"],
@@ -58,7 +60,9 @@ def test_help_teaches():
         (["trace", "ball", "--set", "bound=no"], "parameter 'bound' is 'no'; known: root, all"),
         (["trace", "ball", "--size", "huge"], "size 'huge' is not of the form 512x512"),
         (["trace", "ball", "--size", "0x9"], "size '0x9'"),
-        (["trace", "ball", "--size", "999999x999999"], "pixels"),
+        (["trace", "ball", "--size", "999999x999999"], "has more than 67,108,864 pixels"),
+        (["trace", "ball", "--size", "9999999999x1"], "has more than 67,108,864 pixels"),
+        (["stability", "X99"], "no row 'X99'; known: X1 to X18, povray"),
         (["trace", "ball", "-o", "ball.gif"], "ball.gif: a picture is written as .png or .exr"),
         (["sweep", "nope"], "no study 'nope'; known: accuracy, bench, grid, paper"),
         (["reference", "nope"], "no scene 'nope'"),
@@ -66,7 +70,9 @@ def test_help_teaches():
         (["plots", "--results", "/nonexistent"], "nothing measured yet"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(arguments, message):
+def test_bad_input_is_one_line_and_exit_code_2(arguments, message, tmp_path, monkeypatch):
+    (tmp_path / "folder.csg").mkdir()
+    monkeypatch.chdir(tmp_path)
     result = run(*arguments)
     assert result.exit_code == 2
     assert result.stdout == ""
