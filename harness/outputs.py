@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from rich.console import Console
 
 from harness import PUBLISHED, ROOT, STORE
 
-out = Console(soft_wrap=True, highlight=False)
+PIPED = 200  # columns where there is no terminal, that tables are whole
+
+out = Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else PIPED)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 

@@ -103,6 +103,12 @@ def _triple(values: np.ndarray) -> str:
     return ", ".join(f"{value:.17g}" for value in values)
 
 
+def _add_column(table: Table, heading: str, right: bool) -> None:
+    """Words of a narrow terminal go to the next line, and nothing is cut; numbers stay whole."""
+    justify = "right" if right else "left"
+    table.add_column(heading, justify=justify, overflow="fold", no_wrap=right)
+
+
 # --- The crossings ------------------------------------------------------------------------------
 
 
@@ -111,11 +117,7 @@ def _crossings_table(solid: ExactSolid, answer: Answer) -> Table:
         box=None, pad_edge=False, title="Crossings of the whole line", title_justify="left"
     )
     for heading in ("", "t", "halfspace", "face", "", "inside of", "the solid"):
-        table.add_column(
-            heading,
-            justify="right" if heading == "t" else "left",
-            no_wrap=True,
-        )
+        _add_column(table, heading, right=heading == "t")
     within: set[int] = set()
     for i, crossing in enumerate(answer.crossings):
         for change in crossing.changes:
@@ -168,8 +170,7 @@ def _schemes_table(
 ) -> Table:
     table = Table(box=None, pad_edge=False)
     for heading in ("scheme", "t", "halfspace", "verdict", "error, E", "normal, °"):
-        right = heading in ("t", "error, E", "normal, °")
-        table.add_column(heading, justify="right" if right else "left", no_wrap=heading == "t")
+        _add_column(table, heading, right=heading in ("t", "error, E", "normal, °"))
     for name, hits in _answers(solid.tree, ray, scheme, params):
         if isinstance(hits, str):
             table.add_row(name, "", "", hits)

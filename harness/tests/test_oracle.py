@@ -386,3 +386,11 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
     assert "flip" not in shown
     with pytest.raises(UserError, match="not in a picture of 8x8"):
         explain(out, out, str(path), pixel=(8, 0), size="8x8")
+
+
+def test_a_narrow_terminal_cuts_nothing():
+    text = StringIO()
+    out = Console(file=text, width=70, highlight=False)
+    explain(out, out, "ball", (200, 310), size="512x512")
+    assert "…" not in text.getvalue()
+    assert "50.410138876579815" in text.getvalue()
