@@ -129,6 +129,7 @@ def trace(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
     ] = None,
+    threads: Annotated[int, typer.Option(min=0, help="Threads that trace; 0: one a core.")] = 1,
 ) -> None:
     """Trace one picture and say what it took.
 
@@ -145,7 +146,7 @@ def trace(
         from harness.schemes import model_and_settings
 
         model, settings = model_and_settings([model, *(more or [])], settings or [])
-        traces.trace(out, err, model, scheme, settings, size, output)
+        traces.trace(out, err, model, scheme, settings, size, output, threads)
 
 
 @_command
@@ -291,8 +292,8 @@ def stability(
         int,
         typer.Option(
             min=0,
-            help="So many a row. But a row never runs fewer than in the tests, for some need many, "
-            "nor more than its full number.",
+            help="For each row; but never fewer than in the tests, as some rows need many, nor "
+            "more than the row's full number.",
         ),
     ] = 1_000_000,
     publish: Publish = False,

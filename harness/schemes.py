@@ -91,7 +91,8 @@ def parse_settings(scheme: str, settings: list[str]) -> Params:
         is_number = name not in words and re.fullmatch(r"[+-]?[0-9]+", text)
         if name in numbers and not is_number:
             hint = "; settings are separated by spaces" if "," in text else ""
-            raise UserError(f"{scheme}: parameter '{name}' wants a whole number, not '{text}'{hint}")
+            wanted = f"wants a whole number, not '{text}'{hint}"
+            raise UserError(f"{scheme}: parameter '{name}' {wanted}")
         given[name] = int(text) if is_number else text
     return complete(scheme, given)
 

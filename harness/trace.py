@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -26,9 +27,10 @@ def trace(
     settings: list[str],
     size: str,
     output: Path | None,
+    threads: int = 1,
 ) -> None:
-    """Trace, write `output` if it is asked for, and print times, memory and counters; what should
-    be known of the model goes to `err`."""
+    """Trace by so many threads, 0: one a core; write `output` if it is asked for, and print times,
+    memory and counters; what should be known of the model goes to `err`."""
     params = parse_settings(scheme, settings)
     width, height = parse_size(size)
     if output and output.suffix.lower() not in (".png", ".exr"):
@@ -40,8 +42,9 @@ def trace(
     except ValueError as error:
         raise UserError(str(error)) from None
     view = scene.view(width, height)
-    picture = tracer.render(view)
-    counted = tracer.render(view, count=True, cost=True)
+    threads = threads or os.cpu_count()
+    picture = tracer.render(view, threads=threads)
+    counted = tracer.render(view, count=True, cost=True, threads=threads)
     if undivided := tracer.facts.get("cells_over_budget"):
         _warn(err, f"the memory budget was spent, {integer(undivided)} cells stay undivided")
     if output:
@@ -58,7 +61,8 @@ def trace(
         table.add_row("mesh", f"{len(mesh.triangles):,} triangles in {number(mesh.mesh_s)} s")
     table.add_row("build", f"{milliseconds(tracer.build_s)} ms, {megabytes(tracer.bytes)} MB")
     speed = 1e9 * picture.trace_s / picture.rays
-    table.add_row("trace", f"{milliseconds(picture.trace_s)} ms, {number(speed)} ns a ray")
+    on = "1 thread" if threads == 1 else f"{threads} threads"
+    table.add_row("trace", f"{milliseconds(picture.trace_s)} ms, {number(speed)} ns a ray, {on}")
     table.add_row("rays", f"{picture.rays:,}, {width}×{height} primary and the rest shadow rays")
     for name, count in counted.counters.items():
         per_ray = f"{number(count / picture.rays)} a ray" if count else NOTHING

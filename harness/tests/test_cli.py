@@ -1,5 +1,6 @@
 """The commands as typed: what they print, what they write, and how they refuse."""
 
+import os
 import re
 
 import numpy as np
@@ -123,6 +124,16 @@ def test_trace_takes_settings_in_both_forms_and_draws_the_same(tmp_path):
     assert {"R", "G", "B", "depth", "normal.x", "leaf", "cost"} <= channels.keys()
     assert channels["depth"].shape == (30, 40)
     assert np.isfinite(channels["depth"]).any()
+
+
+def test_trace_by_several_threads_draws_the_same():
+    typed = ("trace", "ball", "--size", "40x30", "--set", "d=4")
+    shown = [plain(run(*typed, "--threads", n).stdout) for n in (1, 3, 0)]
+    assert "1 thread rays" in shown[0]
+    assert "3 threads rays" in shown[1]
+    assert f"{os.cpu_count()} thread" in shown[2]
+    assert len({re.search(r"picture (\w+)", text)[1] for text in shown}) == 1
+    assert run(*typed, "--threads", -1).exit_code == 2
 
 
 def test_trace_shows_any_file_and_the_warnings_of_the_loader(tmp_path):
