@@ -27,6 +27,7 @@ KNOBS = {  # colour, mark; what is not a knob of the exact scheme is another sch
     "embree_mesh": ("#D55E00", "o"),
     "sphere_tracing": ("#E69F00", "^"),
 }
+OTHER = ("#777777", ".")
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -207,10 +208,9 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
     canvas = Canvas(figsize=(12, 4.6))
     for axes, (key, what) in zip(canvas.subplots(1, 3), _PANELS.items(), strict=True):
         points: list[tuple[float, float]] = []
-        names: list[tuple[float, float]] = []
         zero = min((s.figures[key] for s in shown if s.figures[key]), default=1) / 3
         for s in shown:
-            colour, mark = KNOBS.get(s.knob, ("#777777", "."))
+            colour, mark = KNOBS.get(s.knob, OTHER)
             x = s.ray_ns
             none_seen = s.figures[key] == 0
             y = s.bound_per_million(key) if key == "flips" else s.figures[key] or zero
@@ -219,12 +219,11 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
             axes.errorbar(x.median, y, xerr=np.nan_to_num(reach), fmt=mark, color=colour,
                           markersize=8 if s.knob == "exact" else 5, linewidth=0.8,
                           markerfacecolor="white" if none_seen else colour)  # fmt: skip
-            named = (np.log(x.median), np.log(y))
-            if all(np.hypot(0.3 * (named[0] - a), 0.1 * (named[1] - b)) > 0.05 for a, b in names):
-                names.append(named)  # where marks crowd, the first is named, the rest by colour
-                short = re.sub("algorithm_", "", s.value)
-                axes.annotate(short, (x.median, y), xytext=(4, 3), textcoords="offset points",
-                              fontsize=7, color=colour)  # fmt: skip
+        names = [re.sub("algorithm_", "", s.value) for s in shown]
+        for i in _apart(points, names):
+            colour, _ = KNOBS.get(shown[i].knob, OTHER)
+            axes.annotate(names[i], points[i], xytext=(4, 3), textcoords="offset points",
+                          fontsize=7, color=colour)  # fmt: skip
         front = _pareto(points)
         axes.step(*zip(*front, strict=True), where="post", color="#BBBBBB", linewidth=1, zorder=0)
         axes.set_xscale("log")
@@ -243,6 +242,23 @@ def plot(model: str, settings: Iterable[Setting]) -> Canvas:
         "Grey line: what no setting beats in both"
     )
     return canvas
+
+
+def _apart(points: Sequence[tuple[float, float]], names: Sequence[str]) -> list[int]:
+    """Which names can stand beside their points on logarithmic axes and not print over each other:
+    where marks crowd, the first is named, the rest are told by colour."""
+    places = np.log(points)
+    places = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-9)
+    chosen: list[int] = []
+    for i, (x, y) in enumerate(places):
+        free = all(
+            abs(y - places[j, 1]) > 0.033
+            or x > places[j, 0] + 0.022 * len(names[j])
+            or places[j, 0] > x + 0.022 * len(names[i])
+            for j in chosen
+        )
+        chosen += [i] if free else []
+    return chosen
 
 
 def _pareto(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:

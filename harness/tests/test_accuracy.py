@@ -117,6 +117,11 @@ def test_plotted_flips_are_bounds_and_no_zero_stands_above_an_error(settings) ->
     assert drawn(flip).count(min(drawn(flip))) == of["flip"].count(0) > 0
 
 
+def test_names_that_would_print_over_each_other_are_left_out() -> None:
+    points = [(1, 1), (1.1, 1.1), (1, 100), (100, 1)]
+    assert report._apart(points, ["long name"] * 4) == [0, 2, 3]
+
+
 def test_pareto_front() -> None:
     points = [(1, 5), (2, 3), (3, 4), (4, 1), (5, 1), (6, math.inf)]
     assert report._pareto(points) == [(1, 5), (2, 3), (4, 1)]
