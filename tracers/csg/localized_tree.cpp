@@ -53,6 +53,54 @@ std::vector<TreeNode> global_tree(const CsgTree& source) {
   return tree;
 }
 
+std::vector<TreeNode> balanced(TreeView tree) {
+  struct Task {
+    std::size_t begin, end;  // of `operands`: one that stands for itself, or some of a chain's
+    std::uint32_t parent;
+    bool is_union;
+  };
+  std::vector<TreeNode> out;
+  out.reserve(tree.size());
+  std::vector<std::uint32_t> operands{0}, chain;
+  std::vector<Task> todo{{0, 1, 0, true}};
+  const auto push_children = [&](std::uint32_t node) {
+    const std::uint32_t left = node + 1;
+    chain.push_back(left + static_cast<std::uint32_t>(tree[left].subtree()));
+    chain.push_back(left);
+  };
+  while (!todo.empty()) {
+    Task task = todo.back();
+    todo.pop_back();
+    const auto index = static_cast<std::uint32_t>(out.size());
+    if (task.end - task.begin == 1) {
+      const std::uint32_t node = operands[task.begin];
+      out.push_back(tree[node]);
+      if (!tree[node].is_leaf()) {
+        task = {operands.size(), 0, task.parent, tree[node].is_union()};
+        for (push_children(node); !chain.empty();) {
+          const std::uint32_t next = chain.back();
+          chain.pop_back();
+          const bool goes_on = !tree[next].is_leaf() && !tree[next].complemented();
+          if (goes_on && tree[next].is_union() == task.is_union)
+            push_children(next);
+          else
+            operands.push_back(next);
+        }
+        task.end = operands.size();
+      }
+    } else {
+      out.push_back(TreeNode::make_operator(task.is_union));
+    }
+    out.back().set_parent(task.parent);
+    if (out.back().is_leaf()) continue;
+    const std::size_t middle = (task.begin + task.end) / 2;
+    todo.push_back({middle, task.end, index, task.is_union});
+    todo.push_back({task.begin, middle, index, task.is_union});
+  }
+  finish(out);
+  return out;
+}
+
 bool Localizer::mark(std::uint32_t node) {
   if (is_marked(node)) return false;
   marks_[node / 64] |= std::uint64_t{1} << node % 64;

@@ -51,6 +51,9 @@ using TreeView = std::span<const TreeNode>;
 /// The whole tree in this form. Throws ModelError past 2²⁸ nodes.
 std::vector<TreeNode> global_tree(const CsgTree& tree);
 
+/// The same solid, with each chain of one operator as a balanced tree over the chain's operands, in their order.
+std::vector<TreeNode> balanced(TreeView tree);
+
 /// A leaf node that is not Empty, and its class.
 struct Remaining {
   std::uint32_t node;

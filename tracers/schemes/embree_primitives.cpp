@@ -5,7 +5,8 @@
 // over just these: all others are outside. The first hit of a primitive cannot end the ray, since a
 // subtraction found later may remove it. But where the nearest boxes are known, up to where the next
 // one begins, all is known: so a ray goes from piece to piece, each as long as a few boxes last
-// (multi-hit traversal with node culling, Gribble 2016).
+// (multi-hit traversal with node culling, Gribble 2016). Chains of one operator are balanced: from a
+// crossing up to the root it is a few steps, not as many as the chain is long.
 //   nearest   boxes that begin in a piece; 0: the ray is one piece, and gathers all.
 #include <algorithm>
 
@@ -21,7 +22,7 @@ class EmbreePrimitives final : public Tracer {
   EmbreePrimitives(std::shared_ptr<const CsgTree> tree, int nearest)
       : Tracer(std::move(tree)),
         nearest_(static_cast<std::size_t>(nearest)),
-        nodes_(global_tree(*tree_)),
+        nodes_(balanced(global_tree(*tree_))),
         world_(tree_->world()),
         boxes_(leaf_boxes(*tree_), size_with_pads(world_, tree_->size())) {
     node_of_leaf_.resize(tree_->leaves().size());
