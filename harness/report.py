@@ -32,14 +32,13 @@ def load_study(name: str) -> study.Study:
 
 def load(name: str, folder: Path) -> tuple[Results, Results, Path]:
     """What `folder` has of a study and of the grid study, which is reported with the paper's; and
-    where the report goes. A study of the user's own has a folder to itself. A whole grid is
-    not hidden by one that newer code has only begun, or of which another study has a cell."""
+    where the report goes. A study of the user's own has a folder to itself."""
     store = folder / STORE
     if not store.exists():
         raise UserError(f"{store}: nothing measured yet; run `csgbench sweep` first")
     opened = Store(store)
     main, grid = (
-        load_results(opened, load_study(study), fullest=study == "grid")
+        load_results(opened, load_study(study))
         for study in ("paper" if name == "grid" else name, "grid")
     )
     return main, grid, folder if main.study.name == "paper" else folder / main.study.name

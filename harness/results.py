@@ -159,19 +159,18 @@ class Results:
         return None
 
 
-def load(store: Store, study: Study, fullest: bool = False) -> Results:
-    """Read and judge the rows of a study: those of the newest code that has any, or, `fullest`, of
-    the code that has most of its configurations, the newest of equals; and, for each model, of its
-    newest form."""
+def load(store: Store, study: Study) -> Results:
+    """Read and judge the rows of a study, of one code and, for each model, of its newest form.
+
+    The code is the newest that has half as many of the study's configurations as any: another
+    study's may be planned here too, and a few of them are no study."""
     rows = store.records()
     planned = {tuple(getattr(c, key) for key in _CONFIGURATION) for c in study.configurations}
     is_own = [tuple(row) in planned for row in rows[_CONFIGURATION].itertuples(index=False)]
-    own = rows.loc[is_own]
-    codes = list(own["code_version"].drop_duplicates(keep="last"))[::-1]  # newest first
-    if fullest:
-        distinct = own.drop_duplicates(["code_version", *_CONFIGURATION])["code_version"]
-        codes.sort(key=distinct.value_counts().get, reverse=True)
-    rows = rows[rows["code_version"].isin(codes[:1])]
+    own = rows.loc[is_own].drop_duplicates(["code_version", *_CONFIGURATION], keep="last")
+    measured = own["code_version"].value_counts()
+    enough = own[own["code_version"].map(measured) * 2 >= measured.max()]
+    rows = rows[rows["code_version"].isin(enough["code_version"].tail(1))]
     rows = rows[rows["model_hash"] == rows.groupby("model")["model_hash"].transform("last")]
     model_hashes = dict(zip(rows["model"], rows["model_hash"], strict=True))
     checks = {tuple(check[key] for key in _PICTURE): check for check in store.checks()}
