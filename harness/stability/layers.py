@@ -15,6 +15,7 @@ from harness.stability.scenes import (
     BAND,
     EXCUSED_COSINE,
     GUARD,
+    LEAST_COSINE,
     PRECISIONS,
     RED_WHERE_GRAZED,
     Tally,
@@ -219,8 +220,7 @@ def _flush(case: str, precision: str, rays: int, rng) -> Findings:
     tenth, one = Fraction(1, 10), Fraction(1)
     lo, hi = extended([tenth] * 3), extended([one, one, top])
     tally = Tally("X7", f"{case}, {precision}", "surface error, E", GUARD)
-    if precision == "float32":
-        tally.red = RED_WHERE_GRAZED[precision]
+    unexplained = False
     for count in chunks(rays):
         batch = surface_rays(tree, precision, rng, count)
         unit = error_unit(tree, batch, precision)
@@ -238,6 +238,9 @@ def _flush(case: str, precision: str, rays: int, rng) -> Findings:
         seen = np.isfinite(found.t[:, :k])
         off = box_distance(batch, found.t[:, :k], lo, hi) / unit[:, None]
         worst = off[seen].max() if seen.any() else None
-        failed = (wrong & ~open_to_doubt).sum()
-        tally.add(count, failed, (wrong & open_to_doubt).sum(), worst)
+        failed = wrong & ~open_to_doubt
+        tally.add(count, failed.sum(), (wrong & open_to_doubt).sum(), worst)
+        flat = (np.abs(_in_box_frame(batch)[1]) < LEAST_COSINE[precision]).any(axis=1)
+        unexplained |= bool((failed & ~flat).any())
+    tally.red = "" if unexplained else RED_WHERE_GRAZED[precision]
     yield tally.finding()
