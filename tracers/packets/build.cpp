@@ -2,6 +2,7 @@
 
 #include <cstring>
 #include <optional>
+#include <ranges>
 
 #include "../csg/sbound.hpp"
 #include "../structures/parallel.hpp"
@@ -10,6 +11,7 @@ namespace csg::packets {
 namespace {
 
 constexpr double kFloat = kUnitRoundoff<float>;
+static_assert(std::uint64_t{kMostOperators} << 1 <= 256);
 
 double norm(const double row[3]) { return std::hypot(row[0], row[1], row[2]); }
 
@@ -58,13 +60,6 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
     for (int j = 0; j < 3; ++j) {
       frame.row[i][j] = per_size[i] * unit * leaf.local_from_world.col[j][i];
     }
-  }
-  if (leaf.kind == Kind::Sphere && is_similarity(leaf.local_from_world)) {
-    // A ball needs no turning.
-    const double per_radius = norm(frame.row[0]);
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) frame.row[i][j] = i == j ? per_radius : 0;
-    frame.shape[0] = per_radius;
   }
   return frame;
 }
@@ -123,8 +118,16 @@ class Structure::CellMaker {
     int first_axis, end_axis;
   };
   struct MadeAtom {
-    Atom atom;
+    AtomKind kind;
+    std::uint32_t leaf_and_axis;
+    std::uint16_t slot;  ///< of the operator that it is an operand of
+    bool flip, negative;
     float floats[16];
+  };
+  struct MadeOperator {
+    std::uint16_t slot;
+    bool flip;
+    std::uint64_t atoms;
   };
 
   /// The part of a cell where its tree is not constant: by the S-bound of its root, then slice by slice.
@@ -149,18 +152,20 @@ class Structure::CellMaker {
 
   void add_cell(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
     Cell cell{};
-    const Vec3 centre = (1 / scale_.unit) * (box.center() - scale_.middle);
+    Vec3 centre;
     for (int axis = 0; axis < 3; ++axis) {
-      cell.centre[axis] = centre[axis];
-      cell.lo[axis] = static_cast<float>((whole.lo[axis] - box.center()[axis]) / scale_.unit);
-      cell.hi[axis] = static_cast<float>((whole.hi[axis] - box.center()[axis]) / scale_.unit);
+      const auto in_units = [&](double x) { return (x - scale_.middle[axis]) / scale_.unit; };
+      centre[axis] = cell.centre[axis] = static_cast<float>(in_units(box.center()[axis]));
+      cell.lo[axis] = static_cast<float>(in_units(whole.lo[axis]) - centre[axis]);
     }
-    const double reach = length(box.padded(margin_).half()) / scale_.unit;
+    cell.side = static_cast<float>(2 * whole.half().x / scale_.unit);
+    const double reach = length(box.padded(margin_).half()) / scale_.unit +
+                         length(centre - (1 / scale_.unit) * (box.center() - scale_.middle));
     atoms_.clear();
     // Wide against what rounding costs, narrow against the margin, and against what lies close together.
     const double margin = margin_ / scale_.unit;
-    cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 32, margin / 8));
-    cell.trusted = true;
+    cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 64, margin / 8));
+    trusted_ = true;
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
     // atoms the solid is cut by.
@@ -170,12 +175,12 @@ class Structure::CellMaker {
       bool negative;
     };
     std::vector<Made> made(tree.size());
-    std::vector<Operator> operators;
-    const auto add_operator = [&](std::uint16_t parent, bool flip) {
-      operators.push_back({parent, static_cast<std::uint16_t>(flip ? 0xffff : 0), 0});
+    std::vector<MadeOperator> operators;
+    const auto add_operator = [&](std::uint16_t slot, bool flip) {
+      operators.push_back({slot, flip, 0});
       return static_cast<std::uint16_t>(operators.size() - 1);
     };
-    for (std::size_t i = 0; i < tree.size() && cell.trusted; ++i) {
+    for (std::size_t i = 0; i < tree.size() && trusted_; ++i) {
       const TreeNode& node = tree[i];
       const bool root = i == 0;
       const Made above = root ? Made{0, false, false} : made[node.parent()];
@@ -202,64 +207,53 @@ class Structure::CellMaker {
       }
       for (int k = 0; k < count; ++k)
         add_atom(cell, leaf, node.leaf(), parts[k], slot, atom_flip, negative, centre, reach);
-      if (count == 0) cell.trusted = false;
+      if (count == 0) trusted_ = false;
     }
-    const auto last = static_cast<std::uint16_t>(operators.size() - 1);
     ++out_->made.cells;
-    if (atoms_.size() > kMostAtoms || operators.size() > kMostOperators) cell.trusted = false;
-    if (!cell.trusted) {
+    if (atoms_.size() > kMostAtoms || operators.size() > kMostOperators) trusted_ = false;
+    if (!trusted_) {
       ++out_->made.untrusted;
-      return write(cell, {}, {}, {});
+      return write(cell, {});
     }
     out_->made.atoms += atoms_.size();
-    cell.atoms = static_cast<std::uint8_t>(atoms_.size());
+    std::ranges::stable_sort(atoms_, {}, &MadeAtom::kind);
+    for (std::size_t i = 0; i < atoms_.size(); ++i) {
+      operators[atoms_[i].slot].atoms |= std::uint64_t{1} << i;
+      cell.flipped |= std::uint64_t{atoms_[i].flip} << i;
+      cell.negative |= std::uint64_t{atoms_[i].negative} << i;
+    }
     cell.operators = static_cast<std::uint8_t>(operators.size());
-    std::ranges::stable_sort(atoms_, {}, [](const MadeAtom& one) { return one.atom.kind; });
-    std::vector<Atom> atoms;
-    for (std::size_t i = 0; i < cell.atoms; ++i) {
-      Atom& atom = atoms_[i].atom;
-      operators[atom.parent].atoms |= std::uint64_t{1} << i;
-      cell.flipped |= std::uint64_t{atom.flip != 0} << i;
-      cell.negative |= std::uint64_t{atom.negative} << i;
-      atom.parent = static_cast<std::uint16_t>(last - atom.parent);
-      atoms.push_back(atom);
-    }
-    std::ranges::reverse(operators);
-    for (Operator& one : operators) one.parent = static_cast<std::uint16_t>(last - one.parent);
-    const std::vector<float> floats = floats_of_kinds(cell);
-    write(cell, operators, atoms, floats);
+    write(cell, operators);
   }
 
-  /// Side by side, from a new line on.
-  void write(const Cell& cell, std::span<const Operator> operators, std::span<const Atom> atoms,
-             std::span<const float> floats) {
-    const std::size_t first = out_->cells.size();
-    const std::size_t bytes = sizeof cell + operators.size_bytes() + atoms.size_bytes() + floats.size_bytes();
-    out_->cells.resize(first + (bytes + sizeof(Line) - 1) / sizeof(Line));
-    std::uint8_t* to = out_->cells[first].bytes;
-    const auto put = [&](const void* from, std::size_t count) {
-      if (count > 0) std::memcpy(to, from, count);
-      to += count;
+  /// A cell with its operators, last first, and atoms_; from a new line on.
+  void write(Cell& cell, std::span<const MadeOperator> operators) {
+    behind_.clear();
+    const auto put = [&](const auto& number) {
+      const auto* bytes = reinterpret_cast<const std::uint8_t*>(&number);
+      behind_.insert(behind_.end(), bytes, bytes + sizeof number);
     };
-    put(&cell, sizeof cell);
-    put(operators.data(), operators.size_bytes());
-    put(atoms.data(), atoms.size_bytes());
-    put(floats.data(), floats.size_bytes());
-  }
-
-  /// Kind by kind, and of a kind all atoms' first floats, then all second ones.
-  std::vector<float> floats_of_kinds(Cell& cell) const {
-    std::vector<float> floats;
-    for (std::size_t first = 0; first < atoms_.size();) {
-      const auto kind = static_cast<std::size_t>(atoms_[first].atom.kind);
-      std::size_t end = first;
-      while (end < atoms_.size() && atoms_[end].atom.kind == atoms_[first].atom.kind) ++end;
-      for (int k = 0; k < kFloatsOf[kind]; ++k)
-        for (std::size_t i = first; i < end; ++i) floats.push_back(atoms_[i].floats[k]);
-      cell.of_kind[kind] = static_cast<std::uint8_t>(end - first);
-      first = end;
+    if (cell.operators > 0) {
+      const auto feed = [&](const auto& operand) {
+        put(static_cast<std::uint8_t>((operators.size() - 1 - operand.slot) << 1 | operand.flip));
+      };
+      for (const MadeOperator& one : operators | std::views::reverse) put(one.atoms);
+      for (const MadeAtom& atom : atoms_) put(atom.leaf_and_axis);
+      for (const MadeAtom& atom : atoms_) feed(atom);
+      for (const MadeOperator& one : operators | std::views::reverse) feed(one);
+      behind_.resize((behind_.size() + 3) / 4 * 4);
+      for (std::size_t kind = 0, first = 0, end = 0; kind < kAtomKinds; ++kind, first = end) {
+        while (end < atoms_.size() && static_cast<std::size_t>(atoms_[end].kind) == kind) ++end;
+        for (int k = 0; k < kFloatsOf[kind]; ++k)
+          for (std::size_t i = first; i < end; ++i) put(atoms_[i].floats[k]);
+        cell.end[kind] = static_cast<std::uint8_t>(end);
+      }
     }
-    return floats;
+    const std::size_t first = out_->cells.size();
+    out_->cells.resize(first + (sizeof cell + behind_.size() + sizeof(Line) - 1) / sizeof(Line));
+    std::uint8_t* to = out_->cells[first].bytes;
+    std::memcpy(to, &cell, sizeof cell);
+    std::ranges::copy(behind_, to + sizeof cell);
   }
 
   /// The atoms of a leaf that cut the box; those that hold all of it are dropped.
@@ -269,7 +263,7 @@ class Structure::CellMaker {
         parts[0] = {is_similarity(leaf.local_from_world) ? AtomKind::Ball : AtomKind::Ellipsoid, 0, 3};
         return 1;
       case Kind::Torus:
-        parts[0] = {AtomKind::Torus, 0, 3};
+        parts[0] = {is_similarity(leaf.local_from_world) ? AtomKind::Torus : AtomKind::SkewTorus, 0, 3};
         return 1;
       case Kind::Block:
       case Kind::Cylinder:
@@ -300,58 +294,67 @@ class Structure::CellMaker {
     return count;
   }
 
-  void add_atom(Cell& cell, const Leaf& leaf, std::int32_t number, const AtomOf& part, std::uint16_t slot, bool flip,
-                bool negative, const Vec3& centre, double reach) {
+  void add_atom(const Cell& cell, const Leaf& leaf, std::int32_t number, const AtomOf& part, std::uint16_t slot,
+                bool flip, bool negative, const Vec3& centre, double reach) {
     const auto [kind, first, end] = part;
     const Frame& frame = frames_[static_cast<std::size_t>(number)];
-    Atom atom{};
-    atom.kind = kind;
-    atom.leaf = number;
-    atom.parent = slot;
-    atom.flip = flip ? 0xffff : 0;
-    atom.negative = negative;
-    atom.first_axis = static_cast<std::uint8_t>(first), atom.end_axis = static_cast<std::uint8_t>(end);
-    double in_frame[3], error = 0, far = 0;
+    const bool round = kind == AtomKind::Ball || kind == AtomKind::Torus;  // of which the frame need not be turned
+    double row[3][3] = {}, in_frame[3], error = 0, far = 0;
     for (int i = 0; i < 3; ++i) {
       double c = 0;
-      for (int j = 0; j < 3; ++j) c += frame.row[i][j] * (centre[j] - frame.offset[j]);
+      for (int j = 0; j < 3; ++j) {
+        row[i][j] = !round ? frame.row[i][j] : i == j ? norm(frame.row[0]) : 0;
+        c += row[i][j] * (centre[j] - frame.offset[j]);
+      }
       if (kind == AtomKind::Wall && i == 2) c -= wall_origin(frame);
       in_frame[i] = c;
       if (i < first || i >= end) continue;
-      // A wall feels an error of z by its slope only.
+      // A wall feels an error of z by its slope only. A round torus feels that of its axis besides.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
-      const double extent = norm(frame.row[i]) * reach + std::fabs(c);
-      error = std::hypot(error, weight * (8 * kFloat * extent + norm(frame.row[i]) * scale_.band));
+      const double extent = norm(row[i]) * reach + std::fabs(c);
+      const double roundings = kind == AtomKind::Torus ? 16 : 8;
+      error = std::hypot(error, weight * (roundings * kFloat * extent + norm(row[i]) * scale_.band));
       far = std::hypot(far, extent);
     }
     error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
-    const double window = static_cast<double>(cell.window);
-    atoms_.push_back({atom, {}});
+
+    atoms_.push_back({kind,
+                      static_cast<std::uint32_t>(number) | static_cast<std::uint32_t>(first) << kLeafBits,
+                      slot,
+                      flip,
+                      negative,
+                      {}});
     float* floats = atoms_.back().floats;
     const auto add = [&](double x) { *floats++ = static_cast<float>(x); };
-    if (kind != AtomKind::Ball)
-      for (int i = first; i < end; ++i)
-        for (const double x : frame.row[i]) add(x);
-    for (int i = first; i < end; ++i) add(in_frame[i]);
-    if (kind == AtomKind::Ball) add(frame.shape[0]);
-    if (kind == AtomKind::Torus) {
+    const auto add_error = [&](double x) { add(negative ? -x : x); };
+    if (kind == AtomKind::Ball) {
+      for (const double c : in_frame) add(c / row[0][0]);
+      add(1 / row[0][0]);
+    } else {
+      if (!round)
+        for (int i = first; i < end; ++i)
+          for (const double x : row[i]) add(x);
+      for (int i = first; i < end; ++i) add(in_frame[i]);
+    }
+    if (leaf.kind == Kind::Torus) {
       // The line may be off by `error`; that costs the slope at the surface, 8 r. The rest is rounding of the
       // quartic's coefficients, of which the first is small where the torus is near.
-      const double minor = leaf.size[1] / leaf.size[0], along = norm(frame.row[0]) * reach;
+      const double minor = leaf.size[1] / leaf.size[0], along = norm(row[0]) * reach;
       const double near = 1.5 * along + minor;
-      add(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
-      add(0);
+      if (round) {
+        add(row[0][0]);
+        for (const double x : frame.row[2]) add(x / norm(frame.row[2]));
+      }
+      add_error(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
       add(minor);
-      add(negative ? -1 : 1);
       // A tube hardly thicker than the window has no slope to speak of.
-      if (minor < 16 * window * norm(frame.row[0])) cell.trusted = false;
+      if (minor < 16 * static_cast<double>(cell.window) * norm(row[0])) trusted_ = false;
     } else {
-      error = (kind == AtomKind::Wall ? 4 : 1) * error + 4 * kFloat;
-      add(negative ? 1 - error : 1 + error);
-      add(2 * error / window);
+      error = (kind == AtomKind::Wall ? 4 : 1) * error + (round ? 8 : 4) * kFloat;
+      add_error(error);
       if (kind == AtomKind::Wall) add(frame.shape[0] + frame.shape[1] * wall_origin(frame)), add(frame.shape[1]);
     }
-    if (!(error < 0x1p-8)) cell.trusted = false;
+    if (!(error < 0x1p-8)) trusted_ = false;
   }
 
   const CsgTree& tree_;
@@ -363,7 +366,10 @@ class Structure::CellMaker {
   double margin_ = 0;
   std::vector<Box> bounds_;
   std::vector<TreeNode> kept_, localized_;
-  std::vector<MadeAtom> atoms_;  // of the cell
+  // Of the cell:
+  bool trusted_ = true;
+  std::vector<MadeAtom> atoms_;
+  std::vector<std::uint8_t> behind_;
 };
 
 namespace {
@@ -430,13 +436,15 @@ class NodeMaker {
 
 }  // namespace
 
-Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, int few,
+Structure::Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, bool packets,
                      std::size_t threads) {
   if (tree.world().empty()) return;
   build(tree, octree, margin, tight, threads);
   nodes_.shrink_to_fit(), cells_.shrink_to_fit();
   model_.nodes = nodes_.data(), model_.cells = cells_.data(), model_.frames = frames_.data();
-  model_.few = few;
+  // What rays that go alone wait for is asked for ahead: that pays once it is in no cache.
+  constexpr std::size_t kCached = std::size_t{32} << 20;
+  model_.few = !packets ? 16 : bytes() > kCached ? 3 : 1;
 }
 
 void Structure::build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads) {

@@ -12,19 +12,15 @@
 namespace csg::packets {
 
 /// Around a cell, its tree holds for this many halves of its side: half of it is given to the boxes that rays
-/// enter by, and a 32nd to an 8th to what floats may be wrong by.
+/// enter by, and a 64th to an 8th to what floats may be wrong by.
 constexpr double margin_for(Precision precision) { return precision == Precision::Float64 ? 0x1p-4 : 0x1p-3; }
-
-/// So few rays of a packet, below a node or in a cell, go on one at a time. With two or three, where models are large,
-/// as little time is lost; more where they are small.
-inline constexpr int kFew = 1;
 
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {
  public:
   /// `tight`: shrink the cells' boxes to where their trees are not constant. The same for any number of threads.
-  /// `margin` is that of the octree's trees; `few` rays go one at a time.
-  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, int few, std::size_t threads);
+  /// `margin` is that of the octree's trees. Without `packets`, every ray goes alone.
+  Structure(const CsgTree& tree, const Octree& octree, double margin, bool tight, bool packets, std::size_t threads);
 
   const Model& model() const { return model_; }
   bool empty() const { return nodes_.empty(); }

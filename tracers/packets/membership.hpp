@@ -10,26 +10,65 @@ struct Spans {
   F lo[kMostAtoms], hi[kMostAtoms];
 };
 
-/// The membership of each ray at `s`, by the cell's operators.
-inline Mask inside_at(const Cell& cell, const Atom* atoms, const Operator* operators, const Spans& spans, F s) {
+inline int atoms_in(const Cell& cell) { return cell.end[kAtomKinds - 1]; }
+
+inline AtomKind kind_of(const Cell& cell, int atom) {
+  int kind = 0;
+  while (atom >= cell.end[kind]) ++kind;
+  return AtomKind{static_cast<std::uint8_t>(kind)};
+}
+
+/// What stands behind a cell.
+struct Parts {
+  const std::uint64_t* operands;       // of each operator
+  const std::uint32_t* leaf_and_axis;  // of each atom
+  const std::uint8_t* atom_feeds;
+  const std::uint8_t* operator_feeds;
+  const float* floats;
+
+  explicit Parts(const Cell& cell)
+      : operands(reinterpret_cast<const std::uint64_t*>(&cell + 1)),
+        leaf_and_axis(reinterpret_cast<const std::uint32_t*>(operands + cell.operators)),
+        atom_feeds(reinterpret_cast<const std::uint8_t*>(leaf_and_axis + atoms_in(cell))),
+        operator_feeds(atom_feeds + atoms_in(cell)),
+        floats(reinterpret_cast<const float*>(leaf_and_axis + atoms_in(cell)) +
+               (atoms_in(cell) + cell.operators + 3) / 4) {}
+
+  std::int32_t leaf(int atom) const {
+    return static_cast<std::int32_t>(leaf_and_axis[atom] & ((std::uint32_t{1} << kLeafBits) - 1));
+  }
+  int axis(int atom) const { return static_cast<int>(leaf_and_axis[atom] >> kLeafBits); }
+};
+
+/// The membership of each ray at `s`, by the cell's operators; more bits than there are rays.
+inline Mask inside_at(const Cell& cell, const Parts& parts, const Spans& spans, F s) {
+  const int atoms = atoms_in(cell);
+  const auto atom_at = [&](int i) { return at_most(spans.lo[i], s) & less(s, spans.hi[i]); };
+  const auto flip_of = [](std::uint8_t feed) { return Mask{0} - (feed & 1u); };
   if (cell.operators == 1) {
     Mask value = 0;
-    for (int i = 0; i < cell.atoms; ++i) value |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
-    return value ^ operators[0].flip;
+    for (int i = 0; i < atoms; ++i) value |= atom_at(i) ^ flip_of(parts.atom_feeds[i]);
+    return value ^ flip_of(parts.operator_feeds[0]);
   }
-  std::uint32_t value[kMostOperators];
+  Mask value[kMostOperators];
   for (int i = 0; i < cell.operators; ++i) value[i] = 0;
-  for (int i = 0; i < cell.atoms; ++i)
-    value[atoms[i].parent] |= (at_most(spans.lo[i], s) & less(s, spans.hi[i])) ^ atoms[i].flip;
-  for (int i = 0; i + 1 < cell.operators; ++i) value[operators[i].parent] |= value[i] ^ operators[i].flip;
-  return value[cell.operators - 1] ^ operators[cell.operators - 1].flip;
+  for (int i = 0; i < atoms; ++i) {
+    const std::uint8_t feed = parts.atom_feeds[i];
+    value[feed >> 1] |= atom_at(i) ^ flip_of(feed);
+  }
+  const int root = cell.operators - 1;
+  for (int i = 0; i < root; ++i) {
+    const std::uint8_t feed = parts.operator_feeds[i];
+    value[feed >> 1] |= value[i] ^ flip_of(feed);
+  }
+  return value[root] ^ flip_of(parts.operator_feeds[root]);
 }
 
 /// The next crossing behind `s` by which the solid may grow.
-inline F next_growth(const Cell& cell, const Atom* atoms, const Spans& spans, F s) {
+inline F next_growth(const Cell& cell, const Spans& spans, F s) {
   F next = all(kNever);
-  for (int i = 0; i < cell.atoms; ++i) {
-    const F event = atoms[i].negative ? spans.hi[i] : spans.lo[i];
+  for (int i = 0; i < atoms_in(cell); ++i) {
+    const F event = cell.negative >> i & 1 ? spans.hi[i] : spans.lo[i];
     next = select(less(s, event), min(next, event), next);
   }
   return next;
@@ -40,29 +79,33 @@ static_assert(kMostAtoms <= 64 && kMostOperators % 64 == 0 && kLanes == kLanesRe
 /// The atoms' intervals along one ray. Those behind the last atom mean nothing.
 class LoneSpans {
  public:
-  explicit LoneSpans(const Cell& cell) : cell_(cell), there_(~std::uint64_t{0} >> (64 - cell.atoms)) {}
+  explicit LoneSpans(const Cell& cell)
+      : cell_(cell), atoms_(atoms_in(cell)), there_(~std::uint64_t{0} >> (64 - atoms_)) {}
 
   void put(int first, const F& lo, const F& hi) { store(lo, lo_ + first), store(hi, hi_ + first); }
   float& lo(int i) { return lo_[i]; }
   float& hi(int i) { return hi_[i]; }
 
   /// Whether the ray is in the solid at `s`, by the cell's operators.
-  bool inside_at(const Operator* operators, float s) const {
+  bool inside_at(const Parts& parts, float s) const {
     const std::uint64_t set =
         each([&](int i) { return at_most(load(lo_ + i), all(s)) & less(all(s), load(hi_ + i)); }) ^ cell_.flipped;
     std::uint64_t fed[kMostOperators / 64] = {};  // operators of which another is an operand, and holds
     const auto value = [&](int i) -> std::uint64_t {
-      return (((set & operators[i].atoms) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (operators[i].flip & 1u);
+      return (((set & parts.operands[i]) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (parts.operator_feeds[i] & 1u);
     };
-    const int last = cell_.operators - 1;
-    for (int i = 0; i < last; ++i) fed[operators[i].parent / 64] |= value(i) << operators[i].parent % 64;
-    return value(last) != 0;
+    const int root = cell_.operators - 1;
+    for (int i = 0; i < root; ++i) {
+      const int above = parts.operator_feeds[i] >> 1;
+      fed[above / 64] |= value(i) << above % 64;
+    }
+    return value(root) != 0;
   }
 
   /// The next crossing behind `s` by which the solid may grow.
   float next_growth(float s) const {
     F next = all(kNever);
-    for (int i = 0; i < cell_.atoms; i += kLanes) {
+    for (int i = 0; i < atoms_; i += kLanes) {
       const F event = select(static_cast<Mask>(cell_.negative >> i & 0xffff), load(hi_ + i), load(lo_ + i));
       next = select(less(all(s), event) & static_cast<Mask>(there_ >> i & 0xffff), min(next, event), next);
     }
@@ -84,11 +127,12 @@ class LoneSpans {
   template <class Masks>
   std::uint64_t each(Masks masks) const {
     std::uint64_t out = 0;
-    for (int i = 0; i < cell_.atoms; i += kLanes) out |= std::uint64_t{masks(i)} << i;
+    for (int i = 0; i < atoms_; i += kLanes) out |= std::uint64_t{masks(i)} << i;
     return out;
   }
 
   const Cell& cell_;
+  int atoms_;
   std::uint64_t there_;
   float lo_[kMostAtoms + kLanes], hi_[kMostAtoms + kLanes];
 };

@@ -7,9 +7,6 @@
 
 namespace csg::packets {
 
-/// Of a cell that packets pass through; one that has more is not trusted.
-inline constexpr int kMostAtoms = 64, kMostOperators = 128;
-
 /// Floats are read so many at a time, whatever there are.
 inline constexpr int kLanesRead = 16;
 
@@ -22,41 +19,35 @@ struct alignas(64) Node {
 };
 
 /// A primitive is the intersection of its atoms, of which a cell keeps those that cut it.
-/// All convex but the torus. A wall is a cone without its caps.
-enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, Slab, Wall, Torus };
-inline constexpr int kAtomKinds = 6;
+/// All convex but the tori. A wall is a cone without its caps. A ball and a torus are as round in the world as in
+/// their frames; an ellipsoid and a skew torus are not.
+enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, Slab, Wall, Torus, SkewTorus };
+inline constexpr int kAtomKinds = 7;
 
 /// How many floats say what an atom of each kind is; spans.hpp says which.
-inline constexpr int kFloatsOf[kAtomKinds] = {6, 14, 10, 6, 16, 16};
+inline constexpr int kFloatsOf[kAtomKinds] = {5, 13, 9, 5, 15, 9, 14};
 
-/// An atom in a cell, but for its floats. Its frame is that of the leaf, scaled so that the atom's size is 1.
-struct Atom {
-  std::int32_t leaf;
-  std::uint16_t parent;  ///< operator of the cell that it is an operand of
-  std::uint16_t flip;    ///< all ones if it is complemented there, else 0
-  AtomKind kind;
-  std::uint8_t first_axis, end_axis;  ///< of its frame that it is about
-  bool negative;                      ///< whether the solid shrinks where the atom grows
-};
+/// An atom's leaf, below so many bits for the axis of its frame that a slab is about.
+inline constexpr int kLeafBits = 30;
 
-/// acc[parent] |= acc[this] ^ flip: unions and complements are enough. Operands come first; the last
-/// operator is the root, whose parent is itself.
-struct Operator {
-  std::uint16_t parent, flip;
-  std::uint64_t atoms;  ///< that are operands of it, one bit each
-};
-
-/// A cell, behind which stand its operators, its atoms, and the atoms' floats: kind by kind, and of a kind all atoms'
-/// first floats, then all second ones. All of it is fetched at once.
+/// A cell. Behind it stand
+///   for each operator, the atoms that are its operands, one bit each: 64 bits;
+///   for each atom, its leaf and axis: 32 bits;
+///   for each atom, then for each operator, what it feeds: acc[feed >> 1] |= acc[this] ^ (feed & 1). Unions and
+///     complements are enough. Operands come first; the last operator is the root, which feeds itself. 8 bits, and as
+///     many to spare as fill up 32;
+///   the atoms' floats: kind by kind, and of a kind all atoms' first floats, then all second ones.
+/// All of it is fetched at once.
 struct Cell {
-  double centre[3];
-  float lo[3], hi[3];  ///< of the octree's cell, from the centre of what it was shrunk to
-  float window;        ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
-  std::uint8_t of_kind[kAtomKinds];  ///< atoms, which stand kind by kind
-  std::uint8_t atoms, operators;
-  std::uint64_t flipped, negative;  ///< one bit an atom
-  bool trusted;                     ///< whether floats can tell anything here
+  float centre[3];    ///< from the middle of the world
+  float lo[3], side;  ///< of the octree's cell, from the centre
+  float window;       ///< W: how far behind a float's crossing the true one may lie, where the surface is not grazed
+  std::uint8_t end[kAtomKinds];  ///< of the atoms of each kind, which stand kind by kind
+  std::uint8_t operators;        ///< 0 if floats can tell nothing here
+  std::uint64_t flipped;         ///< atoms that are complemented where they feed, one bit each
+  std::uint64_t negative;        ///< those by which the solid shrinks where they grow
 };
+inline constexpr int kMostAtoms = 64, kMostOperators = 128;  ///< a cell that has more is not trusted
 
 /// Cells begin with a line of the cache.
 struct alignas(64) Line {
@@ -66,7 +57,7 @@ struct alignas(64) Line {
 /// The frame of a leaf: local = rows·(p − offset), rows scaled to the leaf's sizes.
 struct Frame {
   double row[3][3], offset[3];
-  double shape[2];  ///< ball: 1/radius. Wall: radius at the middle, half the difference of the ends. Torus: minor/major
+  double shape[2];  ///< Wall: radius at the middle, half the difference of the ends. Torus: minor/major
 };
 
 struct Model {
@@ -76,7 +67,7 @@ struct Model {
   double centre[3], per_unit;  ///< of the world, and 1 / unit
   double radius;               ///< of a ball around the world, in units
   double near, band;           ///< the tie band of rays from not farther than `near`
-  int few;                     ///< so many rays, or fewer, go on one at a time
+  int few;                     ///< so many rays of a packet, or fewer, below a node or in a cell go on one at a time
 };
 
 /// Sixteen rays or fewer. `first` points to `count` rays of eight doubles (origin, direction, t_min, t_max),

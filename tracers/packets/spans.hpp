@@ -23,6 +23,7 @@ struct Packet {
 struct Passage {
   F p[3], d[3];
   F enter, exit, start;
+  float window;
   Mask lanes;
 };
 
@@ -77,47 +78,52 @@ inline float magnitude(float x) { return __builtin_fabsf(x); }
 inline F in_lanes(float x) { return all(x); }
 inline F in_lanes(const F& x) { return x; }
 
-/// Rows of an atom's frame, the cell's centre there, and
-///   size   1 and the rounding, as a larger atom if it adds to the solid, else a smaller;
-///   graze  below this speed towards the surface, rounding may move a crossing by W/2.
+/// Where an atom ends because of rounding: as a larger atom if it adds to the solid, else as a smaller. An atom's
+/// error is below 0 if it is `negative`.
+template <class Number>
+inline Number rounded_size(const Number& error) {
+  return 1.0f + error;
+}
+template <class Number>
+inline Mask is_negative(const Number& error) {
+  return less(in_lanes(error), F{});
+}
+/// Below this speed towards the surface, rounding may move a crossing by W/2.
+template <class Number>
+inline Number grazing_speed(const Number& error, float window) {
+  return magnitude(error) * (2 / window);
+}
+/// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
+template <class Number>
+inline Number touch(const Number& error) {
+  return 8.0f * magnitude(error);
+}
+
+/// Rows of an atom's frame, and the cell's centre there.
 template <class Number, int axes>
 struct Framed {
-  Number row[axes][3], centre[axes], size, graze;
+  Number row[axes][3], centre[axes];
 
   template <class Read>
   explicit Framed(Read& read) {
     for (auto& of_axis : row)
       for (Number& number : of_axis) number = read();
     for (Number& number : centre) number = read();
-    size = read(), graze = read();
   }
 };
 
-/// The lanes in which the solid shrinks where the atom grows.
+/// The interval of a round atom around the middle of its chord, of which half is the root of `square`: off by no more
+/// than `rounding` besides. Where `square` is below `graze` or `touch`, more cannot be told.
 template <class Number>
-inline Mask is_negative(const Number& size) {
-  return less(in_lanes(size), all(1.0f));
-}
-
-/// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
-template <class Number>
-inline Number touch(const Number& size) {
-  return 8.0f * magnitude(size - 1.0f);
-}
-
-/// The interval of a round atom around the middle of its chord. `inside` times `inverse` is the square of half the
-/// chord, which is off by no more than `rounding` besides.
-template <class Number>
-[[gnu::always_inline]] inline void chord(const Number& size, const Number& graze, const F& middle, const F& inside,
-                                         const F& inverse, const F& rounding, const Passage& in, Doubts& doubts, F& lo,
-                                         F& hi) {
-  const F half = root(max(inside, F{}) * inverse) + rounding;
-  const Mask met = less(F{}, inside);
+[[gnu::always_inline]] inline void chord(const F& middle, const F& square, const F& rounding, const Number& graze,
+                                         const Number& touch, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const F half = root(max(square, F{})) + rounding;
+  const Mask met = less(F{}, square);
   lo = select(met, middle - half, all(kNever));
   hi = select(met, middle + half, all(-kNever));
-  const Mask grazed = in.lanes & less(magnitude(inside), max(graze * graze * inverse, in_lanes(touch(size))));
+  const Mask grazed = in.lanes & less(magnitude(square), max(in_lanes(graze), in_lanes(touch)));
   if (grazed) [[unlikely]] {
-    const F most = root((max(inside, F{}) + 2.0f * touch(size)) * inverse) + magnitude(rounding);
+    const F most = root(max(square, F{}) + 2.0f * touch) + magnitude(rounding);
     doubts.add(grazed, middle - most, middle + most);
   }
 }
@@ -127,6 +133,7 @@ template <int axes, class Read>
 [[gnu::always_inline]] inline void round_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   using Number = decltype(read());
   const Framed<Number, axes> atom(read);
+  const Number error = read(), size = rounded_size(error), graze = grazing_speed(error, in.window);
   F x[axes], v[axes];
   F along = F{}, vv = F{};
   for (int i = 0; i < axes; ++i) {
@@ -146,29 +153,32 @@ template <int axes, class Read>
   }
   // Along the axis the middle may be far away, and rounded as coarsely.
   const F outwards = 0x1p-21f * magnitude(middle);
-  chord(atom.size, atom.graze, middle, atom.size * atom.size - distance, inverse,
-        select(is_negative(atom.size), -outwards, outwards), in, doubts, lo, hi);
+  chord(middle, (size * size - distance) * inverse, select(is_negative(error), -outwards, outwards),
+        inverse * inverse * (graze * graze), inverse * touch(error), in, doubts, lo, hi);
 }
 
-/// A ball needs no turning.
+/// A ball needs no frame: a centre and a radius.
 template <class Read>
 [[gnu::always_inline]] inline void ball_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
-  const auto x0 = read(), x1 = read(), x2 = read(), per_radius = read(), size = read(), graze = read();
-  const F x[3] = {per_radius * in.p[0] + x0, per_radius * in.p[1] + x1, per_radius * in.p[2] + x2};
-  const auto radius = 1.0f / per_radius;
+  using Number = decltype(read());
+  const Number x0 = read(), x1 = read(), x2 = read(), radius = read(), error = read();
+  const Number size = radius * rounded_size(error), square = radius * radius;
+  const Number graze = square * grazing_speed(error, in.window);
+  const F x[3] = {in.p[0] + x0, in.p[1] + x1, in.p[2] + x2};
   const F along = dot3(x, in.d);
   F distance = F{};
   for (int i = 0; i < 3; ++i) {
     const F across = x[i] - along * in.d[i];
     distance += across * across;
   }
-  chord(size, graze, -radius * along, size * size - distance, in_lanes(radius * radius), F{}, in, doubts, lo, hi);
+  chord(-along, size * size - distance, F{}, graze * graze, square * touch(error), in, doubts, lo, hi);
 }
 
 /// |z| ≤ 1 along z + s·v.
 template <class Read>
 [[gnu::always_inline]] inline void slab_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   const Framed<decltype(read()), 1> atom(read);
+  const auto error = read();
   const F z = apply(atom.row[0], in.p) + atom.centre[0], v = away_from_zero(apply(atom.row[0], in.d));
   const F inverse = 1.0f / v;
   const auto between = [&](const auto& size, F& first, F& last) {
@@ -176,10 +186,10 @@ template <class Read>
     first = min(low, high);
     last = max(low, high);
   };
-  between(atom.size, lo, hi);
-  const Mask grazed = in.lanes & less(magnitude(v), in_lanes(atom.graze));
+  between(rounded_size(error), lo, hi);
+  const Mask grazed = in.lanes & less(magnitude(v), in_lanes(grazing_speed(error, in.window)));
   if (grazed) [[unlikely]] {
-    const auto rounding = magnitude(atom.size - 1.0f) + 0x1p-21f;
+    const auto rounding = magnitude(error) + 0x1p-21f;
     F outer_lo, outer_hi, inner_lo, inner_hi;
     between(1.0f + rounding, outer_lo, outer_hi);
     between(1.0f - rounding, inner_lo, inner_hi);
@@ -193,7 +203,8 @@ template <class Read>
 template <class Read>
 inline void wall_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   const Framed<decltype(read()), 3> atom(read);
-  const auto radius = read(), slope = read();  // the radius at the height 0 of the frame
+  const auto error = read(), radius = read(), slope = read();  // the radius at the height 0 of the frame
+  const auto graze = grazing_speed(error, in.window);
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
     x[i] = apply(atom.row[i], in.p) + atom.centre[i];
@@ -201,14 +212,14 @@ inline void wall_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi
   }
   const F vv = max(dot3(v, v), all(1e-16f)), middle = -dot3(x, v) / vv;
   for (int i = 0; i < 3; ++i) x[i] += middle * v[i];
-  const F w = x[2] * slope + (radius + (atom.size - 1.0f)), dw = v[2] * slope;
+  const F w = x[2] * slope + (radius + error), dw = v[2] * slope;
   const F a = v[0] * v[0] + v[1] * v[1] - dw * dw;
   const F b = x[0] * v[0] + x[1] * v[1] - w * dw;
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
   // Rounding as a longer way inside for an atom that adds to the solid: between the roots, or outside of them.
   const Mask steep = less(a, F{}), opens = less(F{}, dw);
   const F longer = 0x1p-21f * (b * b + magnitude(a * c));
-  const F inside = b * b - a * c + select(is_negative(atom.size) ^ steep, -longer, longer);
+  const F inside = b * b - a * c + select(is_negative(error) ^ steep, -longer, longer);
   const F square = root(max(inside, F{}));
   const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
@@ -216,9 +227,8 @@ inline void wall_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
   lo = middle + select(steep, select(opens, second, all(-kNever)), select(met, first, all(kNever)));
   hi = middle + select(steep, select(opens, all(kNever), first), select(met, second, all(-kNever)));
-  const Mask grazed =
-      in.lanes & (less(magnitude(inside), max(in_lanes(atom.graze * atom.graze), touch(atom.size) * vv)) |
-                  less(magnitude(a), 1e-4f * vv));
+  const Mask grazed = in.lanes & (less(magnitude(inside), max(in_lanes(graze * graze), touch(error) * vv)) |
+                                  less(magnitude(a), 1e-4f * vv));
   if (grazed) [[unlikely]]
     doubts.add(grazed, all(-kNever), all(kNever));
 }
@@ -275,29 +285,60 @@ struct Quartic {
   }
 };
 
+/// Where a ray's nearest point to the cell's centre, and its direction, stand to a torus: across its axis and along.
+struct Across {
+  F x[3], v[3];  // across
+  F z, vz;
+};
+/// Of a torus that is as round in the world as in its frame: by its axis alone.
 template <class Read>
-inline void torus_span(Read read, const Passage& in, float window, Doubts& doubts, F& lo, F& hi) {
-  // As `size` what the quartic's value may be wrong by. Outwards is 1, or −1 if the atom is negative.
+inline Across across_round(Read& read, const Passage& in, const F& middle) {
+  using Number = decltype(read());
+  const Number centre[3] = {read(), read(), read()}, per_major = read(), axis[3] = {read(), read(), read()};
+  Across out;
+  for (int i = 0; i < 3; ++i) {
+    out.v[i] = per_major * in.d[i];
+    out.x[i] = per_major * in.p[i] + centre[i] + middle * out.v[i];
+  }
+  out.z = apply(axis, out.x), out.vz = apply(axis, out.v);
+  for (int i = 0; i < 3; ++i) {
+    out.x[i] = out.x[i] - axis[i] * out.z;
+    out.v[i] = out.v[i] - axis[i] * out.vz;
+  }
+  return out;
+}
+template <class Read>
+inline Across across_skew(Read& read, const Passage& in, const F& middle) {
   const Framed<decltype(read()), 3> atom(read);
-  const auto minor = read(), outwards = read();
-  const F middle = 0.5f * (in.enter + in.exit);
-  const F wide = 0.5f * (in.exit - in.enter) + all(4 * window);
   F x[3], v[3];
   for (int i = 0; i < 3; ++i) {
     v[i] = apply(atom.row[i], in.d);
     x[i] = apply(atom.row[i], in.p) + atom.centre[i] + middle * v[i];
   }
-  const F xx = dot3(x, x), alpha = xx + (1.0f - minor * minor), beta = 2.0f * dot3(x, v), gamma = dot3(v, v);
-  const F q0 = x[0] * x[0] + x[1] * x[1], q1 = 2.0f * (x[0] * v[0] + x[1] * v[1]), q2 = v[0] * v[0] + v[1] * v[1];
+  return {{x[0], x[1], F{}}, {v[0], v[1], F{}}, x[2], v[2]};
+}
+
+template <AtomKind kind, class Read>
+inline void torus_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
+  const float window = in.window;
+  const F middle = 0.5f * (in.enter + in.exit);
+  const F wide = 0.5f * (in.exit - in.enter) + all(4 * window);
+  const Across on = kind == AtomKind::Torus ? across_round(read, in, middle) : across_skew(read, in, middle);
+  // What the quartic's value may be wrong by, and the minor radius.
+  const auto error = read(), minor = read();
+  const F outwards = select(is_negative(error), all(-1.0f), all(1.0f));
+  const F q0 = dot3(on.x, on.x), q1 = 2.0f * dot3(on.x, on.v), q2 = dot3(on.v, on.v);
+  const F alpha = q0 + on.z * on.z + (1.0f - minor * minor);
+  const F beta = q1 + 2.0f * (on.z * on.vz), gamma = q2 + on.vz * on.vz;
   Quartic g;
   // The two factors of alpha² − 4·rho²: what is small near the tube is computed from what is small.
   const F rho = root(q0), off = rho - 1.0f;
-  g.c[0] = (off * off + x[2] * x[2] - minor * minor) * (alpha + 2.0f * rho);
+  g.c[0] = (off * off + on.z * on.z - minor * minor) * (alpha + 2.0f * rho);
   g.c[1] = 2.0f * alpha * beta - 4.0f * q1;
   g.c[2] = beta * beta + 2.0f * alpha * gamma - 4.0f * q2;
   g.c[3] = 2.0f * beta * gamma;
   g.c[4] = gamma * gamma;
-  const F slack = in_lanes(atom.size);
+  const F slack = in_lanes(magnitude(error));
   Mask above, below, once;
   g.signs(F{}, wide, slack, above, below, once);
   lo = select(below, all(-kNever), all(kNever));
@@ -335,15 +376,14 @@ inline void torus_span(Read read, const Passage& in, float window, Doubts& doubt
     return s + side * by;
   };
   if (const Mask entered = (told & ~rises) | two, left_only = told & rises; entered | left_only) {
-    const F s = crossing(entered | left_only, left, select(two, lowest, right),
-                         select(left_only, in_lanes(outwards), in_lanes(-outwards)));
+    const F s = crossing(entered | left_only, left, select(two, lowest, right), select(left_only, outwards, -outwards));
     lo = select(entered, s, select(left_only, all(-kNever), lo));
     hi = select(left_only, s, select(entered, all(kNever), hi));
   }
-  if (two) hi = select(two, crossing(two, lowest, right, in_lanes(outwards)), hi);
+  if (two) hi = select(two, crossing(two, lowest, right, outwards), hi);
   // A ray of which it could not be told is taken to be inside if the torus adds to the solid, else outside.
-  lo = select(rest, in_lanes(-kNever * outwards), lo);
-  hi = select(rest, in_lanes(kNever * outwards), hi);
+  lo = select(rest, -kNever * outwards, lo);
+  hi = select(rest, kNever * outwards, hi);
   lo += middle;
   hi += middle;
   if (rest) doubts.add(rest, all(-kNever), all(kNever));
@@ -351,14 +391,16 @@ inline void torus_span(Read read, const Passage& in, float window, Doubts& doubt
 
 /// The intervals of atoms of a kind.
 template <AtomKind kind, class Read>
-[[gnu::always_inline]] inline void span(Read read, const Passage& in, float window, Doubts& doubts, F& lo, F& hi) {
+[[gnu::always_inline]] inline void span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   if constexpr (kind == AtomKind::Ball) ball_span(read, in, doubts, lo, hi);
   if constexpr (kind == AtomKind::Ellipsoid) round_span<3>(read, in, doubts, lo, hi);
   if constexpr (kind == AtomKind::Tube) round_span<2>(read, in, doubts, lo, hi);
   if constexpr (kind == AtomKind::Slab) slab_span(read, in, doubts, lo, hi);
   if constexpr (kind == AtomKind::Wall) wall_span(read, in, doubts, lo, hi);
-  if constexpr (kind == AtomKind::Torus) torus_span(read, in, window, doubts, lo, hi);
+  if constexpr (kind == AtomKind::Torus || kind == AtomKind::SkewTorus) torus_span<kind>(read, in, doubts, lo, hi);
 }
+
+constexpr bool is_convex(AtomKind kind) { return kind != AtomKind::Torus && kind != AtomKind::SkewTorus; }
 
 inline Mask less(double a, double b) { return a < b; }
 inline double root(double x) { return __builtin_sqrt(x); }
@@ -372,7 +414,7 @@ struct Side {
 /// By the atom's value at the starts, in double: for surfaces that are nearer than floats can tell. A convex atom that
 /// is left behind is never met again. Real: D for a packet, or double for a ray.
 template <class Real>
-inline Side side_of_start(const Atom& atom, const Frame& frame, const Real o[3], const Real d[3], double band) {
+inline Side side_of_start(AtomKind kind, int axis, const Frame& frame, const Real o[3], const Real d[3], double band) {
   const auto real = [](double number) {
     if constexpr (std::is_same_v<Real, double>)
       return number;
@@ -380,7 +422,7 @@ inline Side side_of_start(const Atom& atom, const Frame& frame, const Real o[3],
       return all(number);
   };
   Real x[3], v[3], rel[3];
-  const int first = atom.first_axis, end = atom.end_axis;
+  const int first = axis, end = kind == AtomKind::Slab ? axis + 1 : kind == AtomKind::Tube ? 2 : 3;
   for (int j = 0; j < 3; ++j) rel[j] = o[j] - real(frame.offset[j]);
   double steepest = 0;
   for (int i = first; i < end; ++i) {
@@ -393,7 +435,7 @@ inline Side side_of_start(const Atom& atom, const Frame& frame, const Real o[3],
   Real g = real(0), slope = real(0), slack = real(0);
   const Real two = real(2);
   const double per_band = band * __builtin_sqrt(steepest);
-  switch (atom.kind) {
+  switch (kind) {
     case AtomKind::Ball:
     case AtomKind::Ellipsoid:
     case AtomKind::Tube:
@@ -402,7 +444,8 @@ inline Side side_of_start(const Atom& atom, const Frame& frame, const Real o[3],
       for (int i = first; i < end; ++i) g = g + x[i] * x[i], slope = slope + two * x[i] * v[i];
       slack = real(2 * per_band);
       break;
-    case AtomKind::Torus: {
+    case AtomKind::Torus:
+    case AtomKind::SkewTorus: {
       const double minor = frame.shape[0];
       const Real alpha = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + real(1 - minor * minor);
       g = alpha * alpha - real(4) * (x[0] * x[0] + x[1] * x[1]);

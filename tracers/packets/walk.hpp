@@ -150,6 +150,8 @@ class Walker {
     while (active_ >> lane & 1) {
       const std::int32_t link = next_cell(stack, ray);
       if (link >= 0) return;
+      fetch(link);
+      if (stack.top > 0) fetch(stack.link[stack.top - 1]);
       const float exit = stack.exit[stack.top];
       pass_alone(cell_at(link), lane, stack.enter[stack.top], exit < ray.limit ? exit : ray.limit);
       ray.limit = limit_[lane];
@@ -205,21 +207,16 @@ class Walker {
     for (int i = 0; i < kLines; ++i) __builtin_prefetch(lines + i);
   }
   const Cell& cell_at(std::int32_t link) const { return *reinterpret_cast<const Cell*>(model_.cells + ~link); }
-  static const Operator* operators_of(const Cell& cell) { return reinterpret_cast<const Operator*>(&cell + 1); }
-  static const Atom* atoms_of(const Cell& cell) {
-    return reinterpret_cast<const Atom*>(operators_of(cell) + cell.operators);
-  }
 
   /// Calls `each(kind, first atom, atoms, floats)` for each kind of atom that a cell has.
   template <class Each>
-  void for_each_kind(const Cell& cell, Each each) const {
-    const float* floats = reinterpret_cast<const float*>(atoms_of(cell) + cell.atoms);
+  static void for_each_kind(const Cell& cell, const float* floats, Each each) {
     int first = 0;
     const auto one = [&](auto kind) {
-      const int atoms = cell.of_kind[kind()];
+      const int end = cell.end[kind()], atoms = end - first;
       if (atoms == 0) return;
       each(kind, first, atoms, floats);
-      first += atoms;
+      first = end;
       floats += kFloatsOf[kind()] * atoms;
     };
     [&]<int... kind>(std::integer_sequence<int, kind...>) {
@@ -237,11 +234,12 @@ class Walker {
     }
     if (counting) counts_->cells += static_cast<std::uint64_t>(count_of(lanes));
     const F window = all(cell.window);
-    if (!cell.trusted) return doubt(cell, lanes, enter, exit);
+    if (cell.operators == 0) return doubt(cell, lanes, enter, exit);
     Passage in;
-    in.lanes = lanes;
+    in.lanes = lanes, in.window = cell.window;
     D to[3], at = all<double>(0);
-    for (int i = 0; i < 3; ++i) to[i] = all<double>(cell.centre[i]) - packet_.o[i], at = at + to[i] * packet_.d[i];
+    for (int i = 0; i < 3; ++i)
+      to[i] = all(static_cast<double>(cell.centre[i])) - packet_.o[i], at = at + to[i] * packet_.d[i];
     for (int i = 0; i < 3; ++i) in.p[i] = narrow(at * packet_.d[i] - to[i]), in.d[i] = packet_.df[i];
     const F nearest = narrow(at);
     in.enter = enter - nearest;
@@ -249,29 +247,28 @@ class Walker {
     in.start = -nearest;
     const Mask near_start = lanes & packet_.in_world & less(enter, window);
 
-    const Atom* atoms = atoms_of(cell);
+    const Parts parts(cell);
+    const int atoms = atoms_in(cell);
     Spans spans;
     Doubts doubts;
     Mask unsure = 0;
-    for_each_kind(cell, [&](auto kind, int first, int of_kind, const float* floats) {
+    for_each_kind(cell, parts.floats, [&](auto kind, int first, int of_kind, const float* floats) {
       for (int k = 0; k < of_kind; ++k) {
         F &lo = spans.lo[first + k], &hi = spans.hi[first + k];
-        span<AtomKind{kind()}>(OneAtom{floats + k, of_kind}, in, cell.window, doubts, lo, hi);
+        span<AtomKind{kind()}>(OneAtom{floats + k, of_kind}, in, doubts, lo, hi);
         if (near_start) {
           const Mask near = near_start & (less(magnitude(lo - in.start), 4.0f * window) |
                                           less(magnitude(hi - in.start), 4.0f * window));
-          if (near) unsure |= settle_start(atoms[first + k], near, lo, hi);
+          if (near) unsure |= settle_start(parts, first + k, AtomKind{kind()}, near, lo, hi);
         }
       }
     });
-    if (counting)
-      counts_->atoms += static_cast<std::uint64_t>(cell.atoms) * static_cast<std::uint64_t>(count_of(lanes));
+    if (counting) counts_->atoms += static_cast<std::uint64_t>(atoms) * static_cast<std::uint64_t>(count_of(lanes));
 
-    const Operator* operators = operators_of(cell);
     const auto inside = [&](F s, Mask of) {
       if (counting)
         counts_->operators += static_cast<std::uint64_t>(cell.operators) * static_cast<std::uint64_t>(count_of(of));
-      return inside_at(cell, atoms, operators, spans, s);
+      return inside_at(cell, parts, spans, s);
     };
     F s = in.enter;
     unsure |= inside(s, lanes);
@@ -279,7 +276,7 @@ class Walker {
     const F last = in.exit + window;
     F at_boundary = s;
     while (todo) {
-      const F next = next_growth(cell, atoms, spans, s);
+      const F next = next_growth(cell, spans, s);
       todo &= at_most(next, last);
       if (!todo) break;
       s = select(todo, next, s);
@@ -295,12 +292,12 @@ class Walker {
       const F from = at_boundary - 2.0f * window, to_end = at_boundary + 3.0f * window;
       Mask once = 0, twice = 0;
       I which = all<std::int32_t>(0);
-      for (int i = 0; i < cell.atoms; ++i) {
+      for (int i = 0; i < atoms; ++i) {
         const Mask low = at_most(from, spans.lo[i]) & at_most(spans.lo[i], to_end);
         const Mask high = at_most(from, spans.hi[i]) & at_most(spans.hi[i], to_end);
         twice |= (once & (low | high)) | (low & high);
         once |= low | high;
-        which = select(low | high, all<std::int32_t>(atoms[i].leaf), which);
+        which = select(low | high, all<std::int32_t>(parts.leaf(i)), which);
       }
       unsure |= found & (twice | ~once | doubts.between(from, to_end));
       const F left = packet_.end - nearest - at_boundary;
@@ -322,13 +319,14 @@ class Walker {
     const Mask ray = Mask{1} << lane;
     if (counting) ++counts_->cells;
     const float window = cell.window;
-    if (!cell.trusted) return doubt(cell, ray, all(enter), all(exit));
+    if (cell.operators == 0) return doubt(cell, ray, all(enter), all(exit));
     const double o[3] = {packet_.o[0][lane], packet_.o[1][lane], packet_.o[2][lane]};
     const double d[3] = {packet_.d[0][lane], packet_.d[1][lane], packet_.d[2][lane]};
     double to[3], at = 0;
     for (int i = 0; i < 3; ++i) to[i] = cell.centre[i] - o[i], at += to[i] * d[i];
     const auto nearest = static_cast<float>(at);
     Passage in;
+    in.window = window;
     for (int i = 0; i < 3; ++i)
       in.p[i] = all(static_cast<float>(at * d[i] - to[i])), in.d[i] = all(static_cast<float>(d[i]));
     in.enter = all(enter - nearest);
@@ -336,15 +334,15 @@ class Walker {
     in.start = all(-nearest);
     const bool near_start = (packet_.in_world & ray) && enter < window;
 
-    const Atom* atoms = atoms_of(cell);
+    const Parts parts(cell);
     LoneSpans spans(cell);
     Doubts doubts;
     std::uint64_t near = 0;
-    for_each_kind(cell, [&](auto kind, int first, int of_kind, const float* floats) {
+    for_each_kind(cell, parts.floats, [&](auto kind, int first, int of_kind, const float* floats) {
       for (int k = 0; k < of_kind; k += kLanes) {
         in.lanes = of_kind - k < kLanes ? (1u << (of_kind - k)) - 1 : 0xffff;
         F lo, hi;
-        span<AtomKind{kind()}>(AtomEachLane{floats + k, of_kind}, in, window, doubts, lo, hi);
+        span<AtomKind{kind()}>(AtomEachLane{floats + k, of_kind}, in, doubts, lo, hi);
         if (near_start) {
           const Mask so = in.lanes & (less(magnitude(lo - in.start), all(4 * window)) |
                                       less(magnitude(hi - in.start), all(4 * window)));
@@ -353,17 +351,16 @@ class Walker {
         spans.put(first + k, lo, hi);
       }
     });
-    if (counting) counts_->atoms += cell.atoms;
     bool unsure = near != 0 && (packet_.far & ray);
     for (; near; near &= near - 1) {
       const int i = __builtin_ctzll(near);
-      unsure |= !settle_start(atoms[i], o, d, spans.lo(i), spans.hi(i));
+      unsure |= !settle_start(parts, i, kind_of(cell, i), o, d, spans.lo(i), spans.hi(i));
     }
+    if (counting) counts_->atoms += static_cast<std::uint64_t>(atoms_in(cell));
 
-    const Operator* operators = operators_of(cell);
     const auto inside = [&](float s) {
       if (counting) counts_->operators += cell.operators;
-      return spans.inside_at(operators, s);
+      return spans.inside_at(parts, s);
     };
     float s = enter - nearest;
     const float last = exit - nearest + window;
@@ -386,15 +383,16 @@ class Walker {
     limit_ = select(ray, all(s + nearest), limit_);
     t_ = select(ray, all(static_cast<double>(s) + at), t_);
     t_error_ = select(ray, all(4 * static_cast<double>(window)), t_error_);
-    leaf_ = select(ray, all(atoms[which].leaf), leaf_);
+    leaf_ = select(ray, all(parts.leaf(which)), leaf_);
     if (any || well_inside(cell, in, all(s)) & 1) active_ &= ~ray;
   }
 
   /// What becomes of an atom's interval along rays that start near its surface; those that cannot be told of.
-  Mask settle_start(const Atom& atom, Mask near, F& lo, F& hi) const {
-    const Side at = side_of_start(atom, model_.frames[atom.leaf], packet_.o, packet_.d, model_.band);
+  Mask settle_start(const Parts& parts, int atom, AtomKind kind, Mask near, F& lo, F& hi) const {
+    const Frame& frame = model_.frames[parts.leaf(atom)];
+    const Side at = side_of_start(kind, parts.axis(atom), frame, packet_.o, packet_.d, model_.band);
     // A torus may be met again, but not in this cell if its one crossing here is the one behind.
-    const Mask once = atom.kind == AtomKind::Torus ? less(lo, all(-1e30f)) : 0xffff;
+    const Mask once = is_convex(kind) ? 0xffff : less(lo, all(-1e30f));
     const Mask left = near & at.left & once, inside = near & at.inside;
     lo = select(left, all(kNever), lo);
     hi = select(left, all(-kNever), hi);
@@ -402,9 +400,11 @@ class Walker {
     return near & (~(left | inside) | packet_.far);
   }
   /// The same for one ray; false if it cannot be told.
-  bool settle_start(const Atom& atom, const double o[3], const double d[3], float& lo, float& hi) const {
-    const Side at = side_of_start(atom, model_.frames[atom.leaf], o, d, model_.band);
-    const bool once = atom.kind != AtomKind::Torus || lo < -1e30f;
+  bool settle_start(const Parts& parts, int atom, AtomKind kind, const double o[3], const double d[3], float& lo,
+                    float& hi) const {
+    const Frame& frame = model_.frames[parts.leaf(atom)];
+    const Side at = side_of_start(kind, parts.axis(atom), frame, o, d, model_.band);
+    const bool once = is_convex(kind) || lo < -1e30f;
     if (at.left && once)
       lo = kNever, hi = -kNever;
     else if (at.inside)
@@ -421,8 +421,8 @@ class Walker {
     active_ &= ~lanes;
     const F from = enter - 4.0f * cell.window;
     for (int axis = 0; axis < 3; ++axis) {
-      const auto centre = static_cast<float>(cell.centre[axis]);
-      const float least = centre + (cell.lo[axis] + cell.window), most = centre + (cell.hi[axis] - cell.window);
+      const float least = cell.centre[axis] + (cell.lo[axis] + cell.window);
+      const float most = cell.centre[axis] + (cell.lo[axis] + cell.side - cell.window);
       const bool down = nearer_[axis] > axis;
       enter = max(enter, (down ? most : least) * packet_.inverse[axis] - packet_.scaled[axis]);
       exit = min(exit, (down ? least : most) * packet_.inverse[axis] - packet_.scaled[axis]);
@@ -436,7 +436,7 @@ class Walker {
     Mask inside = 0xffff;
     for (int axis = 0; axis < 3; ++axis) {
       const F x = in.p[axis] + s * in.d[axis];
-      inside &= less(all(cell.lo[axis] + cell.window), x) & less(x, all(cell.hi[axis] - cell.window));
+      inside &= less(all(cell.lo[axis] + cell.window), x) & less(x, all(cell.lo[axis] + cell.side - cell.window));
     }
     return inside;
   }
@@ -509,7 +509,21 @@ void walk_packet(const Model& model, const Rays& rays, Answer& answer, Counts* c
   walker.arrive(start);
 }
 
+/// Lanes that stand for no atom hold whatever bits follow in memory. Read as floats these may be denormal, of which
+/// each would cost more than all the rest: here they are 0.
+class DenormalsAreZero {
+ public:
+  DenormalsAreZero() : before_(_mm_getcsr()) { _mm_setcsr(before_ | 0x8040); }
+  ~DenormalsAreZero() { _mm_setcsr(before_); }
+  DenormalsAreZero(const DenormalsAreZero&) = delete;
+  DenormalsAreZero& operator=(const DenormalsAreZero&) = delete;
+
+ private:
+  unsigned before_;
+};
+
 inline void walk(const Model& model, const Rays& rays, bool any, Answer& answer, Counts* counts) {
+  const DenormalsAreZero denormals_are_zero;
   const auto run = any      ? counts ? walk_packet<true, true> : walk_packet<true, false>
                    : counts ? walk_packet<false, true>
                             : walk_packet<false, false>;

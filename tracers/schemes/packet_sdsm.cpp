@@ -19,10 +19,10 @@ static_assert(sizeof(Ray) == 8 * sizeof(double));
 
 class PacketSdsm final : public Tracer {
  public:
-  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, int few, int level)
+  PacketSdsm(std::shared_ptr<const CsgTree> tree, const OctreeLimits& limits, bool tight, bool packets, int level)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits),
-        packets_(*tree_, octree_, limits.margin, tight, few, thread_count(limits.build.threads)),
+        packets_(*tree_, octree_, limits.margin, tight, packets, thread_count(limits.build.threads)),
         walk_(packets::walk_up_to(level)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + packets_.bytes(); }
@@ -61,9 +61,13 @@ class PacketSdsm final : public Tracer {
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
     std::vector<Unsure> unsure;
     in_packets(rays, false, counters, [&](std::size_t first, int count, const packets::Answer& answer) {
-      // Leaves are far apart: all are asked for before the first is needed.
-      for (int i = 0; i < count; ++i)
-        if (answer.hit >> i & 1) fetch(tree_->leaves()[static_cast<std::size_t>(answer.leaf[i])]);
+      // Leaves are far apart: all are asked for before the first is needed, and their frames, for rays that will start
+      // there.
+      for (int i = 0; i < count; ++i) {
+        if (!(answer.hit >> i & 1)) continue;
+        fetch(tree_->leaves()[static_cast<std::size_t>(answer.leaf[i])]);
+        fetch(packets_.model().frames[answer.leaf[i]]);
+      }
       for (int i = 0; i < count; ++i) {
         const std::size_t at = first + static_cast<std::size_t>(i);
         hits[at] = {};
@@ -104,8 +108,10 @@ class PacketSdsm final : public Tracer {
     return found;
   }
 
-  static void fetch(const Leaf& leaf) {
-    for (std::size_t at = 0; at < sizeof leaf; at += 64) __builtin_prefetch(reinterpret_cast<const char*>(&leaf) + at);
+  template <class Large>
+  static void fetch(const Large& large) {
+    for (std::size_t at = 0; at < sizeof large; at += 64)
+      __builtin_prefetch(reinterpret_cast<const char*>(&large) + at);
   }
 
   /// The leaf's crossing near where floats have found it; false if it is not the only one there.
@@ -168,8 +174,8 @@ const SchemeInfo scheme_packet_sdsm{
       const int level = instructions == "avx512" ? 4 : instructions == "avx2" ? 3 : 2;
       const int packet = params.integer("packet");
       if (packet != 1 && packet != 16) throw std::invalid_argument("packet_sdsm: 'packet' is 1 or 16");
-      const int few = packet == 1 ? 16 : packets::kFew;
-      return std::make_unique<PacketSdsm>(std::move(tree), limits, params.choice("boxes") == "tight", few, level);
+      const bool tight = params.choice("boxes") == "tight";
+      return std::make_unique<PacketSdsm>(std::move(tree), limits, tight, packet > 1, level);
     }};
 
 }  // namespace csg
