@@ -78,7 +78,7 @@ class EmbreePrimitives final : public Tracer {
 
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
     Gathered gathered;
-    for_each_ray(rays, hits, counters, [&](const Ray& ray, SearchScratch& scratch, auto& work) {
+    for_each_ray(rays, hits, counters, scratches_, [&](const Ray& ray, SearchScratch& scratch, auto& work) {
       BoundarySearch search(*tree_, ray, scratch, work);
       const Reciprocal reciprocal(ray.dir);
       const Interval in = slab(world_, ray.origin, reciprocal);
@@ -99,6 +99,7 @@ class EmbreePrimitives final : public Tracer {
 
   std::size_t nearest_;
   std::vector<TreeNode> nodes_;
+  mutable Pool<SearchScratch> scratches_;
   std::vector<std::uint32_t> node_of_leaf_;
   Box world_;
   EmbreeBoxes boxes_;
