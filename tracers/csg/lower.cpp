@@ -63,6 +63,7 @@ class Lowering {
   void push_transform(const SyntaxNode& node);
   void push_color(const SyntaxNode& node);
   [[noreturn]] void refuse_unsupported() const;
+  [[noreturn]] void refuse_empty() const;
   std::vector<std::string> warning_lines() const;
 
   const Source& source_;
@@ -89,7 +90,7 @@ CsgTree Lowering::run(Shape shape) {
   }
   close();
   if (!unsupported_.entries().empty()) refuse_unsupported();
-  if (leaves_.empty()) throw ModelError(source_.name + ": the model is empty");
+  if (leaves_.empty()) refuse_empty();
   try {
     return CsgTree(std::move(leaves_), to_binary(items_, shape), warning_lines());
   } catch (const ModelError& error) {
@@ -245,6 +246,13 @@ void Lowering::refuse_unsupported() const {
     if (!is_first) where += (where.empty() ? "at " : " at ") + source_.at(entry.first_offset);
     line += (is_first ? "" : ", ") + entry.remark + (where.empty() ? "" : " (" + where + ")");
   }
+  throw ModelError(line);
+}
+
+/// With the warnings, for one may say why: a sphere of radius 0.
+void Lowering::refuse_empty() const {
+  std::string line = source_.name + ": the model is empty";
+  for (const std::string& warning : warning_lines()) line += "; " + warning;
   throw ModelError(line);
 }
 
