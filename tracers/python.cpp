@@ -267,10 +267,12 @@ NB_MODULE(tracers, m) {
 
   m.def(
       "load_csg",
-      [](const std::string& path, const std::string& shape) {
-        return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape)));
+      [](const std::string& path, const std::string& shape, const std::string& name) {
+        return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape), name));
       },
-      "path"_a, "shape"_a = "as_written", "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`.");
+      "path"_a, "shape"_a = "as_written", "name"_a = "",
+      "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`, with `name` for the file if there is "
+      "one.");
   m.def(
       "parse_csg",
       [](const std::string& text, const std::string& name, const std::string& shape) {

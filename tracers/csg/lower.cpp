@@ -291,6 +291,8 @@ CsgTree parse_csg(std::string_view text, const std::string& name, Shape shape) {
   return Lowering(source, tree).run(shape);
 }
 
-CsgTree load_csg(const std::string& path, Shape shape) { return parse_csg(contents_of(path), path, shape); }
+CsgTree load_csg(const std::string& path, Shape shape, const std::string& name) {
+  return parse_csg(contents_of(path), name.empty() ? path : name, shape);
+}
 
 }  // namespace csg
