@@ -68,12 +68,9 @@ def from_file(path: Path) -> tuple[tracers.CsgTree, Scene]:
     if not path.is_file():
         raise UserError(f"{path}: {'a folder, not a file' if path.is_dir() else 'no such file'}")
     csg = to_csg(path, CACHE)
-    try:
-        loaded = tracers.load_csg(str(csg))
-    except tracers.ModelError as error:
-        # The place is one in what OpenSCAD made of the file, which the user has never seen.
-        name = str(path) if csg == path else f"{path} (as evaluated by OpenSCAD)"
-        raise UserError(str(error).replace(str(csg), name)) from None
+    # Places in messages are those in what OpenSCAD made of the file, which the user has never seen.
+    name = str(path) if csg == path else f"{path} (as evaluated by OpenSCAD)"
+    loaded = tracers.load_csg(str(csg), name=name)
     return loaded, frame(loaded, path)
 
 

@@ -25,6 +25,7 @@
 
 #include "csg/localized_tree.hpp"
 #include "error_unit.hpp"
+#include "pool.hpp"
 #include "primitives/primitive.hpp"
 #include "slab.hpp"
 #include "tracer.hpp"
@@ -222,8 +223,7 @@ class BoundarySearch {
 
 /// Runs `one(ray, scratch, work)`, which returns a Hit, over a batch, counting if asked to.
 template <class One>
-void for_each_ray(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters, One one) {
-  SearchScratch scratch;
+void for_each_ray(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters, SearchScratch& scratch, One one) {
   const auto run = [&](auto work) {
     for (std::size_t i = 0; i < rays.size(); ++i) hits[i] = one(rays[i], scratch, work);
   };
@@ -231,6 +231,21 @@ void for_each_ray(std::span<const Ray> rays, std::span<Hit> hits, Counters* coun
     run(CountWork{*counters});
   else
     run(CountNothing{});
+}
+template <class One>
+void for_each_ray(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters, One one) {
+  SearchScratch scratch;
+  for_each_ray(rays, hits, counters, scratch, one);
+}
+
+/// The same for rays that are all searched with one tree, however many batches of them there are: a state that
+/// stays is filled once. The tree lives as long as the pool, so that no other one ever has its address.
+template <class One>
+void for_each_ray(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters, Pool<SearchScratch>& scratches,
+                  One one) {
+  std::unique_ptr<SearchScratch> scratch = scratches.take([] { return std::make_unique<SearchScratch>(); });
+  for_each_ray(rays, hits, counters, *scratch, one);
+  scratches.give_back(std::move(scratch));
 }
 
 }  // namespace csg

@@ -143,27 +143,6 @@ std::vector<csg::Ray> rays_of(const RayRows& rows) {
   return rays;
 }
 
-/// A ray's line with a direction near 1, by a power of two, as Tracer::trace() prepares it; t is 2^exponent times its
-/// t.
-struct ScaledLine {
-  csg::Ray ray;
-  int exponent = 0;
-};
-
-/// Nothing where trace() finds no ray.
-std::optional<ScaledLine> scaled_line(csg::Ray ray) {
-  const double largest = std::max({std::fabs(ray.dir.x), std::fabs(ray.dir.y), std::fabs(ray.dir.z)});
-  for (int axis = 0; axis < 3; ++axis)
-    if (!std::isfinite(ray.origin[axis]) || !std::isfinite(ray.dir[axis])) return {};
-  if (largest == 0 || std::isnan(ray.t_min) || std::isnan(ray.t_max)) return {};
-  const int exponent = -std::ilogb(largest);
-  for (int axis = 0; axis < 3; ++axis) {
-    ray.dir[axis] = std::ldexp(ray.dir[axis], exponent);
-    if (std::fabs(ray.dir[axis]) < csg::kParallel) ray.dir[axis] = 0;
-  }
-  return ScaledLine{ray, exponent};
-}
-
 Hits trace(const BuiltTracer& built, const RayRows& rows, bool count) {
   const std::vector<csg::Ray> rays = rays_of(rows);
   Hits out{std::vector<csg::Hit>(rays.size()), 0, {}};
@@ -288,10 +267,12 @@ NB_MODULE(tracers, m) {
 
   m.def(
       "load_csg",
-      [](const std::string& path, const std::string& shape) {
-        return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape)));
+      [](const std::string& path, const std::string& shape, const std::string& name) {
+        return std::make_shared<CsgTree>(csg::load_csg(path, shape_named(shape), name));
       },
-      "path"_a, "shape"_a = "as_written", "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`.");
+      "path"_a, "shape"_a = "as_written", "name"_a = "",
+      "Loads OpenSCAD's evaluated .csg. Raises ModelError `file:line:col: …`, with `name` for the file if there is "
+      "one.");
   m.def(
       "parse_csg",
       [](const std::string& text, const std::string& name, const std::string& shape) {
@@ -490,8 +471,8 @@ NB_MODULE(tracers, m) {
          std::size_t leaf) {
         if (leaf >= tree.leaves().size()) throw std::invalid_argument("crossings: no such leaf");
         const CsgTree model = tree.computed(csg::Params(csg::scheme("naive"), numerics).numerics());
-        std::vector<std::optional<ScaledLine>> lines;
-        for (const csg::Ray& ray : rays_of(rows)) lines.push_back(scaled_line(ray));
+        std::vector<std::optional<csg::ScaledRay>> lines;
+        for (const csg::Ray& ray : rays_of(rows)) lines.push_back(csg::scaled(ray));
         std::vector<csg::Crossings> found(lines.size());
         const Stopwatch watch;
         for (std::size_t i = 0; i < lines.size(); ++i)

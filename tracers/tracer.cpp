@@ -44,22 +44,10 @@ struct Prepared {
 
 Prepared prepare(const CsgTree& tree, const Ray& given) {
   const Ray nowhere{{0, 0, 0}, {0, 0, 1}, 0, -kInfinity};
-  if (!is_ray(given)) return {nowhere};
-  Prepared out{given};
+  const std::optional<ScaledRay> near_one = scaled(given);
+  if (!near_one) return {nowhere};
+  Prepared out{near_one->ray, 0, near_one->exponent};
   Ray& ray = out.ray;
-  // A direction near 1, by a power of two: squares of its entries then stay in range.
-  const int exponent = std::ilogb(std::max({std::fabs(ray.dir.x), std::fabs(ray.dir.y), std::fabs(ray.dir.z)}));
-  if (exponent != 0) {
-    out.exponent = -exponent;
-    for (int axis = 0; axis < 3; ++axis) ray.dir[axis] = std::ldexp(ray.dir[axis], -exponent);
-    ray.t_min = std::ldexp(ray.t_min, exponent);
-    // A t that no double can hold is no hit, as beyond t_max.
-    ray.t_max = std::ldexp(std::min(ray.t_max, std::numeric_limits<double>::max()), exponent);
-  }
-  // Entries that no path can tell from 0, so that nothing hangs on denormals: with or without them
-  // flushed to zero the bits are the same.
-  for (int axis = 0; axis < 3; ++axis)
-    if (std::fabs(ray.dir[axis]) < kParallel) ray.dir[axis] = 0;
   const auto is_far = [&] { return length(ray.origin) > tree.tolerances().farthest_origin(); };
   if (!is_far()) return out;
   // Moving costs what the far origin's band says: the ends give way by as much, so that no hit comes
@@ -104,6 +92,26 @@ void in_chunks(const CsgTree& tree, std::span<const Ray> rays, Batch batch) {
 }
 
 }  // namespace
+
+std::optional<ScaledRay> scaled(const Ray& given) {
+  if (!is_ray(given)) return {};
+  ScaledRay out{given};
+  Ray& ray = out.ray;
+  // A direction near 1, by a power of two: squares of its entries then stay in range.
+  const int exponent = std::ilogb(std::max({std::fabs(ray.dir.x), std::fabs(ray.dir.y), std::fabs(ray.dir.z)}));
+  if (exponent != 0) {
+    out.exponent = -exponent;
+    for (int axis = 0; axis < 3; ++axis) ray.dir[axis] = std::ldexp(ray.dir[axis], -exponent);
+    ray.t_min = std::ldexp(ray.t_min, exponent);
+    // A t that no double can hold is no hit, as beyond t_max.
+    ray.t_max = std::ldexp(std::min(ray.t_max, std::numeric_limits<double>::max()), exponent);
+  }
+  // Entries that no path can tell from 0, so that nothing hangs on denormals: with or without them
+  // flushed to zero the bits are the same.
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::fabs(ray.dir[axis]) < kParallel) ray.dir[axis] = 0;
+  return out;
+}
 
 void Tracer::trace(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const {
   in_chunks(*tree_, rays, [&](std::size_t begin, std::span<const Ray> ready, const std::vector<Prepared>& prepared) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +18,14 @@ struct Ray {
   Vec3 origin, dir;
   double t_min = 0, t_max = kInfinity;
 };
+
+/// A ray in units of t in which its direction is near 1: the given ray's t is 2^exponent times its own.
+struct ScaledRay {
+  Ray ray;
+  int exponent = 0;
+};
+/// What is traced for a ray; nothing if it has a NaN or no direction.
+std::optional<ScaledRay> scaled(const Ray& given);
 
 /// The first boundary of the regularized solid; the normal is a unit vector out of the solid.
 struct Hit {

@@ -146,6 +146,13 @@ def test_trace_shows_any_file_and_the_warnings_of_the_loader(tmp_path):
     assert (tmp_path / "prism.png").stat().st_size > 0
 
 
+def test_a_warning_names_the_file_that_the_user_knows(tmp_path):
+    path = tmp_path / "prism.scad"
+    path.write_text("cylinder(1, $fn = 6);")
+    result = run("trace", path, "--size", "8x8")
+    assert "prism.scad (as evaluated by OpenSCAD):1:1: cylinder with" in plain(result.stderr)
+
+
 def test_a_picture_of_nothing_is_warned_of(tmp_path):
     path = tmp_path / "nothing.csg"
     block = "cube(size = [1, 1, 1], center = false);"

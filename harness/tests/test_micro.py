@@ -2,12 +2,14 @@
 
 import io
 import json
+import subprocess
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 import tracers
-from harness import UserError, micro
+from harness import ROOT, UserError, micro
 from harness.machine import code_version
 
 
@@ -57,6 +59,17 @@ def test_what_is_not_built_is_not_run(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(micro, "PROGRAM", tmp_path / "micro")
     with pytest.raises(UserError, match="run `make bench-micro`"):
         micro.run(Console(), tmp_path)
+
+
+HEADER = Path("/usr/include/benchmark/benchmark.h")
+
+
+@pytest.mark.skipif(not HEADER.exists(), reason="needs Google Benchmark")
+def test_the_sources_compile() -> None:
+    """Nothing but `make bench-micro` builds them."""
+    sources = sorted((ROOT / "tracers" / "bench").glob("*.cpp"))
+    options = ["-fsyntax-only", "-std=c++20", "-march=x86-64-v2"]
+    subprocess.run(["c++", *options, *map(str, sources)], check=True)
 
 
 @pytest.mark.skipif(not micro.is_built(), reason="needs `make bench-micro` of these sources")

@@ -15,6 +15,7 @@ enum class Shape {
 
 /// `name` stands before line:col in messages. Throws ModelError.
 CsgTree parse_csg(std::string_view text, const std::string& name, Shape shape = Shape::AsWritten);
-CsgTree load_csg(const std::string& path, Shape shape = Shape::AsWritten);
+/// No name: the path.
+CsgTree load_csg(const std::string& path, Shape shape = Shape::AsWritten, const std::string& name = {});
 
 }  // namespace csg

@@ -63,6 +63,7 @@ class Lowering {
   void push_transform(const SyntaxNode& node);
   void push_color(const SyntaxNode& node);
   [[noreturn]] void refuse_unsupported() const;
+  [[noreturn]] void refuse_empty() const;
   std::vector<std::string> warning_lines() const;
 
   const Source& source_;
@@ -89,7 +90,7 @@ CsgTree Lowering::run(Shape shape) {
   }
   close();
   if (!unsupported_.entries().empty()) refuse_unsupported();
-  if (leaves_.empty()) throw ModelError(source_.name + ": the model is empty");
+  if (leaves_.empty()) refuse_empty();
   try {
     return CsgTree(std::move(leaves_), to_binary(items_, shape), warning_lines());
   } catch (const ModelError& error) {
@@ -248,6 +249,13 @@ void Lowering::refuse_unsupported() const {
   throw ModelError(line);
 }
 
+/// With the warnings, for one may say why: a sphere of radius 0.
+void Lowering::refuse_empty() const {
+  std::string line = source_.name + ": the model is empty";
+  for (const std::string& warning : warning_lines()) line += "; " + warning;
+  throw ModelError(line);
+}
+
 std::vector<std::string> Lowering::warning_lines() const {
   std::vector<std::string> lines;
   for (const Tally::Entry& entry : warnings_.entries()) {
@@ -283,6 +291,8 @@ CsgTree parse_csg(std::string_view text, const std::string& name, Shape shape) {
   return Lowering(source, tree).run(shape);
 }
 
-CsgTree load_csg(const std::string& path, Shape shape) { return parse_csg(contents_of(path), path, shape); }
+CsgTree load_csg(const std::string& path, Shape shape, const std::string& name) {
+  return parse_csg(contents_of(path), name.empty() ? path : name, shape);
+}
 
 }  // namespace csg

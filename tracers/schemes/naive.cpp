@@ -17,7 +17,7 @@ class Naive final : public Tracer {
 
  private:
   void trace_batch(std::span<const Ray> rays, std::span<Hit> hits, Counters* counters) const override {
-    for_each_ray(rays, hits, counters, [&](const Ray& ray, SearchScratch& scratch, auto& work) {
+    for_each_ray(rays, hits, counters, scratches_, [&](const Ray& ray, SearchScratch& scratch, auto& work) {
       BoundarySearch search(*tree_, ray, scratch, work);
       search.search(nodes_, -kInfinity, kInfinity);
       return search.hit();
@@ -25,6 +25,7 @@ class Naive final : public Tracer {
   }
 
   std::vector<TreeNode> nodes_;
+  mutable Pool<SearchScratch> scratches_;
 };
 
 }  // namespace

@@ -30,10 +30,12 @@ LazyCell::State LazyOctree::built(LazyCell& cell) const {
     return state == State::Pending ? built(cell) : state;
   }
   try {
-    std::unique_ptr<Workshop> workshop = take_workshop();
+    std::unique_ptr<Workshop> workshop = workshops_.take([&] {
+      return std::make_unique<Workshop>(
+          Workshop{CellClassifier(model_), SBoundMaker(model_, bounds_, passes_), {}, {}, {}});
+    });
     state = build(cell, *workshop);
-    const std::lock_guard lock(idle_mutex_);
-    idle_.push_back(std::move(workshop));
+    workshops_.give_back(std::move(workshop));
   } catch (...) {
     cell.state = State::Pending;
     cell.state.notify_all();
@@ -42,16 +44,6 @@ LazyCell::State LazyOctree::built(LazyCell& cell) const {
   cell.state.store(state, std::memory_order_release);
   cell.state.notify_all();
   return state;
-}
-
-std::unique_ptr<LazyOctree::Workshop> LazyOctree::take_workshop() const {
-  const std::lock_guard lock(idle_mutex_);
-  if (idle_.empty())
-    return std::make_unique<Workshop>(
-        Workshop{CellClassifier(model_), SBoundMaker(model_, bounds_, passes_), {}, {}, {}});
-  std::unique_ptr<Workshop> workshop = std::move(idle_.back());
-  idle_.pop_back();
-  return workshop;
 }
 
 LazyCell::State LazyOctree::build(LazyCell& cell, Workshop& workshop) const {

@@ -7,8 +7,8 @@
 // has been built so far, so which cells it leaves undivided depends on the rays; the answers do not.
 #pragma once
 #include <atomic>
-#include <mutex>
 
+#include "../pool.hpp"
 #include "octree.hpp"
 
 namespace csg {
@@ -78,7 +78,6 @@ class LazyOctree {
   State built(LazyCell& cell) const;
   State build(LazyCell& cell, Workshop& workshop) const;
   void divide(LazyCell& cell, const Box& box, Workshop& workshop) const;
-  std::unique_ptr<Workshop> take_workshop() const;
   Box box_of(const LazyCell& cell) const;
   std::size_t bytes_of(const LazyCell& cell) const;
   template <class Visit>
@@ -92,8 +91,7 @@ class LazyOctree {
   std::unique_ptr<LazyCell> root_;
   mutable std::atomic<std::size_t> committed_ = 0;  // bytes
   mutable std::atomic<std::size_t> over_budget_ = 0;
-  mutable std::mutex idle_mutex_;
-  mutable std::vector<std::unique_ptr<Workshop>> idle_;
+  mutable Pool<Workshop> workshops_;
 };
 
 }  // namespace csg

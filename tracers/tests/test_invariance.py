@@ -1,4 +1,5 @@
-"""What must not change an answer: units, the length of a direction, a far origin; and bad input.
+"""What must not change an answer: units, the length of a direction, a far origin, which rays are
+traced together and by which thread; and bad input.
 
 Each was broken once: cbrt and thresholds made a torus' bits depend on the scale, floats overflowed
 in Embree where directions were long, a moved ray found the hit at its own t_min again, and a miss
@@ -6,10 +7,11 @@ came back with a NaN.
 """
 
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from test_conformance import EXACT, assert_same, grid
+from test_conformance import EXACT, assert_same, differing, grid
 
 import tracers
 from harness.adversaries import FAMILIES
@@ -94,6 +96,27 @@ def test_a_hit_is_not_found_again_from_far_away(sizes_away: float) -> None:
             assert (tracer.trace(ending).leaf < 0).all(), f"{name} {params}: t ≥ t_max"
             assert not tracer.occluded(ending).any(), f"{name} {params}: occluded ≠ trace"
             assert np.array_equal(tracer.occluded(later), again.leaf >= 0), f"{name} {params}"
+
+
+class Joined:
+    """Hits of several calls as those of one."""
+
+    def __init__(self, parts: list) -> None:
+        self.t = np.concatenate([part.t for part in parts])
+        self.leaf = np.concatenate([part.leaf for part in parts])
+
+
+@pytest.mark.parametrize("family", ["random_solid", "lattice", "tangent"])
+def test_other_batches_by_several_threads_give_the_same_bits(family: str) -> None:
+    """Tracers keep memory from batch to batch, each for the next thread that comes."""
+    tree, rng = seeded(family)
+    rays = rays_for(tree, rng, 3000)
+    expected = tracers.make("naive", tree).trace(rays)
+    for name, params, tracer in all_tracers(tree, 3):
+        with ThreadPoolExecutor(4) as threads:
+            parts = threads.map(tracer.trace, np.array_split(rays, 300))
+            wrong = differing(expected, Joined(list(parts)))
+        assert len(wrong) == 0, f"{name} {params}: the first of {len(wrong)}: {rays[wrong[0]]}"
 
 
 @pytest.mark.parametrize("family", ["random_solid", "lattice", "tori", "tangent"])

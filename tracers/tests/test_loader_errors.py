@@ -59,6 +59,10 @@ def test_one_message_names_all_kinds_how_often_and_where_first():
         ("\n", "m.csg: the model is empty"),
         ("group();\n", "m.csg: the model is empty"),
         ("difference() { group(); sphere(r = 1); }", "m.csg: the model is empty"),
+        (
+            "sphere(r = -1);",
+            "m.csg: the model is empty; m.csg:1:1: sphere of zero or negative size is empty",
+        ),
         ("foo();", "m.csg:1:1: unknown node kind 'foo'"),
         ("group() {\n\tfoo(r = 1);\n}", "m.csg:2:2: unknown node kind 'foo'"),
         ("sphere(r = 1)", "m.csg:1:14: expected ';' or '{', found end of file"),
