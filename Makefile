@@ -41,7 +41,7 @@ accuracy: setup  ## speed for accuracy, against the oracle: half an hour
 stability: setup  ## numerical stability at the extremes, RAYS=1000000 a row: an hour
 	@$(BENCH) stability --rays $(RAYS)
 
-scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: a quarter of an hour
+scale: setup  ## growth with the model, 10³ to 10⁶ halfspaces: half an hour
 	@$(BENCH) scale
 
 bench-micro: setup  ## kernels, structures and schemes one by one, by Google Benchmark: two minutes

@@ -335,7 +335,7 @@ def scale(
     Every scheme is measured on both families, ball and ngk, at each size for as long as it
     finishes: one that took too long or ran out of memory is not tried on a larger model, and the
     tables say why. Models are made by `python -m generators` the first time, which takes some
-    minutes; then about a quarter of an hour on two cores. It can be stopped at any moment; the same
+    minutes; then about half an hour on two cores. It can be stopped at any moment; the same
     command goes on from there.
 
     \b

@@ -14,11 +14,11 @@ from harness.study import Configuration, Study
 NAME = "scale"
 FAMILIES = ("ball", "ngk")
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
-SIDE = 256  # pixels of the square picture
-REPEATS = 3  # one at the largest size
-BUDGET_S = 20.0  # no further repeat once build and trace times would add up to more
-TIMEOUT_S = 60.0  # for one trial: load, build, trace, trace again to count
-SLOW_S = 8.0  # to build and trace; ten times as large it would run into the timeout
+SIDE = 512  # pixels of the square picture
+REPEATS = 7
+BUDGET_S = 30.0  # no further repeat once build and trace times would add up to more
+TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
+SLOW_S = 12.0  # to build and trace; ten times as large it would run into the timeout
 
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
 # on around what cannot be separated, and ngk takes 3 kB a halfspace; up to 20, packets still take
@@ -46,7 +46,7 @@ def configurations(family: str, size: int, schemes: list[str]) -> list[Configura
     return [
         Configuration(
             f"{family}@{size}", scheme, canonical(complete(scheme, settings(scheme, size))),
-            SIDE, SIDE, "as_written", threads=1, repeats=REPEATS if size < SIZES[-1] else 1,
+            SIDE, SIDE, "as_written", threads=1, repeats=REPEATS,
             budget_s=BUDGET_S, timeout_s=TIMEOUT_S,
         )
         for scheme in schemes

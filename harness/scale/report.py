@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,11 +39,26 @@ def ray_ns(result: Result) -> Estimate:
     return result.trace_s.map(lambda seconds: 1e9 * seconds / result.rays)
 
 
-MEASURES = {  # name, of a result, title of its panel
-    "build": (lambda r: r.build_s.median, "build, s"),
-    "bytes": (lambda r: float(r.structure_bytes), "structure, bytes"),
-    "ray": (lambda r: ray_ns(r).median, "ns a ray"),
-}
+MEASURES = (  # of a result, and the title of its panel
+    (lambda r: r.build_s.median, "build, s"),
+    (lambda r: float(r.structure_bytes), "structure, bytes"),
+    (lambda r: ray_ns(r).median, "ns a ray"),
+)
+
+
+def primitives_per_ray(result: Result) -> float | None:
+    """Primitives or atoms tested a ray, by the counters."""
+    return _per_ray(result, "primitives_tested")
+
+
+def steps_per_ray(result: Result) -> float | None:
+    """Boxes tested and cells entered a ray, by the counters."""
+    return _per_ray(result, "bounds_tested", "cells_entered")
+
+
+def _per_ray(result: Result, *names: str) -> float | None:
+    counted = sum(result.counters.get(name, 0) for name in names)
+    return counted / result.rays if counted else None
 
 
 def finished(family: str, scheme: str, grown: Results) -> list[Result]:
@@ -53,14 +67,13 @@ def finished(family: str, scheme: str, grown: Results) -> list[Result]:
     return sorted(of, key=size_of)
 
 
-def exponent(results: Sequence[Result], measure: str) -> float:
-    """Of n in the power law nearest to the measurements, by least squares of logarithms; NaN of
+def exponent(results: Sequence[Result], measure: Callable[[Result], float | None]) -> float | None:
+    """Of n in the power law nearest to the measurements, by least squares of logarithms; None of
     fewer than three sizes."""
-    if len(results) < 3:
-        return math.nan
-    x = np.log([size_of(r) for r in results])
-    y = np.log([MEASURES[measure][0](r) for r in results])
-    return float(np.polyfit(x, y, 1)[0])
+    values = [measure(r) for r in results]
+    if len(results) < 3 or None in values:
+        return None
+    return float(np.polyfit(np.log([size_of(r) for r in results]), np.log(values), 1)[0])
 
 
 # --- Tables -------------------------------------------------------------------------------------
@@ -75,9 +88,10 @@ def growth_table(family: str, grown: Results) -> Table:
         n = size_of(r)
         if r.ok:
             bytes_each = r.structure_bytes / n
-            rows.append([_name(r.scheme), n, r.build_s, bytes_each, ray_ns(r), len(r.rows), ""])
+            measured = [r.build_s, bytes_each, ray_ns(r), primitives_per_ray(r), steps_per_ray(r)]
+            rows.append([_name(r.scheme), n, *measured, len(r.rows), ""])
         else:
-            rows.append([_name(r.scheme), n, None, None, None, 0, _why_not(r, grown)])
+            rows.append([_name(r.scheme), n, *[None] * 5, 0, _why_not(r, grown)])
     order = [_name(scheme) for scheme in catalogue()]
     rows.sort(key=lambda row: (order.index(row[0]), row[1]))
     columns = [
@@ -86,6 +100,8 @@ def growth_table(family: str, grown: Results) -> Table:
         Column("build_s", "build ms", milliseconds),
         Column("bytes_per_halfspace", "bytes a halfspace", number),
         Column("ray_ns", "ns/ray", number),
+        Column("primitives_per_ray", "primitives/ray", number),
+        Column("steps_per_ray", "boxes and cells/ray", number),
         Column("repeats", "repeats"),
         Column("not_finished", "not finished", align="l"),
     ]
@@ -124,11 +140,12 @@ def exponent_table(grown: Results) -> Table:
         for scheme in catalogue():
             if not (results := finished(family, scheme, grown)):
                 continue
-            fitted = [exponent(results, measure) for measure in MEASURES]
+            fitted = [exponent(results, of) for of, _ in MEASURES]
+            counted = [exponent(results, of) for of in (primitives_per_ray, steps_per_ray)]
             last = results[-1]
             bytes_each = last.structure_bytes / size_of(last)
-            each = [None if math.isnan(e) else e for e in fitted]
-            rows.append([family, _name(scheme), size_of(last), *each, bytes_each, ray_ns(last)])
+            at_last = [bytes_each, ray_ns(last)]
+            rows.append([family, _name(scheme), size_of(last), *fitted, *counted, *at_last])
     fitted_exponent: dict = {"show": "{:.2f}".format, "group": "exponent of n"}
     columns = [
         Column("family", "family", align="l"),
@@ -137,12 +154,15 @@ def exponent_table(grown: Results) -> Table:
         Column("build_exponent", "build", **fitted_exponent),
         Column("bytes_exponent", "bytes", **fitted_exponent),
         Column("ray_exponent", "ray", **fitted_exponent),
+        Column("primitives_exponent", "primitives/ray", **fitted_exponent),
+        Column("steps_exponent", "boxes and cells/ray", **fitted_exponent),
         Column("bytes_per_halfspace", "bytes a halfspace", number, group="at the largest"),
         Column("ray_ns", "ns/ray", number, group="at the largest"),
     ]
     notes = [
         "The power of n nearest to the sizes that finished, from three on, by least squares of the "
-        "logarithms. n log n has 1.11 between 10³ and 10⁶."
+        "logarithms. n log n has 1.11 between 10³ and 10⁶. Times are the machine's and whatever "
+        "else it does; counters are not."
     ]
     return Table(NAME, "How each scheme grows with n halfspaces", columns, rows, notes, 2)
 
@@ -230,13 +250,13 @@ def load_table(rows: Iterable[dict]) -> Table:
 def plot(family: str, grown: Results) -> Canvas:
     """Build, bytes and ns a ray over n, each scheme with its exponent."""
     canvas = Canvas(figsize=(12, 6))
-    for axes, (measure, (of, title)) in zip(canvas.subplots(1, 3), MEASURES.items(), strict=True):
+    for axes, (of, title) in zip(canvas.subplots(1, 3), MEASURES, strict=True):
         for i, scheme in enumerate(catalogue()):
             results = finished(family, scheme, grown)
             if not results:
                 continue
-            fitted = exponent(results, measure)
-            label = f"{fitted:.2f} {scheme}" if not math.isnan(fitted) else f"– {scheme}"
+            fitted = exponent(results, of)
+            label = f"– {scheme}" if fitted is None else f"{fitted:.2f} {scheme}"
             x, y = [size_of(r) for r in results], [of(r) for r in results]
             axes.plot(
                 x, y, marker=MARKS[i % len(MARKS)], color=COLOURS[i % len(COLOURS)], markersize=4,

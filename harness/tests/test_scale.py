@@ -191,8 +191,9 @@ def store_of(folder, seconds) -> Store:
         if taken is None:
             store.add_trial("s", trial, Outcome("timeout", "no answer"))
             continue
+        counted = {"primitives_tested": n // 10}
         ok = Outcome("ok", build_s=taken, trace_s=taken, structure_bytes=10 * n, rays=1000,
-                     picture_hash="0", counters={}, facts={})  # fmt: skip
+                     picture_hash="0", counters=counted, facts={})  # fmt: skip
         store.add_trial("s", trial, ok)
     return store
 
@@ -219,8 +220,10 @@ def test_exponents_and_reasons_are_tabled(tmp_path):
     size, build, per_byte, ray = rows["ball", "sdsm"][2:6]
     assert size == 1_000_000
     assert [build, per_byte, ray] == pytest.approx([0.5, 1.0, 0.5])
+    assert rows["ball", "sdsm"][6:8] == [pytest.approx(1.0), None]  # no box was counted
     assert rows["ngk", "naive"][2:6] == [10_000, None, None, None]  # two sizes tell no power
     table = report.growth_table("ball", grown)
+    assert [row[5] for row in table.rows if row[0] == "sdsm"] == [0.1, 1, 10, 100]
     naive = [row for row in table.rows if row[0] == "naive"]
     assert [row[-1] for row in naive] == ["", "", "timeout: no answer", "timeout: no answer"]
     report.write(grown, [], tmp_path)
@@ -240,6 +243,10 @@ def test_lazy_against_eager_is_measured(tmp_path, monkeypatch):
     written = (tmp_path / "scale" / "lazy.json").read_text()
     lazy.measure_missing(tmp_path, lambda line: pytest.fail("measured twice"))
     assert json.loads(written) == lazy.load(tmp_path)
+    monkeypatch.setattr(lazy, "SIDE", 17)  # what was measured at another size will not do
+    lazy.measure_missing(tmp_path, lambda line: None)
+    (again,) = lazy.load(tmp_path)
+    assert (row["side"], again["side"]) == (16, 17)
     for table in (report.lazy_table([row]), report.load_table([row])):
         assert table.rows
         assert "| ball | 1,000 |" in table.markdown()
