@@ -100,7 +100,7 @@ def sweep(
 
     \b
     csgbench sweep             Figures 8 and 9 and the baselines
-    csgbench sweep grid        the optimum bracketed
+    csgbench sweep grid        the optimum of d and h
     csgbench sweep bench       our schemes beside POV-Ray and Embree, on one thread and on all
     csgbench sweep mine.toml   a study of your own, written like paper.toml
     """

@@ -194,8 +194,9 @@ def schemes_table(outcome: Outcome) -> Table:
     )
     notes = [
         *([_LEAST + f" A ray enters {entered}."] if entered else []),
-        "One ray, every scheme at its defaults: each 13th tile of the 512×512 picture, in the "
-        f"batches and the order of rendering. The mesh has {SEGMENTS} segments a circle.",
+        "One ray, every scheme at its defaults but for the mesh, which has "
+        f"{SEGMENTS} segments a circle: each 13th tile of the 512×512 picture, in the batches and "
+        "the order of rendering.",
         *(f"{name}: {why}." for name, why in outcome.refused.items()),
     ]
     return Table("micro_schemes", "Schemes", columns, rows, notes)

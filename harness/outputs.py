@@ -19,6 +19,8 @@ def tables(study: str, folder: Path) -> None:
     from harness import report
 
     paper, grid, target = report.load(study, folder)
+    if not paper.tabled:
+        err.print(_nothing_yet(paper.study.name), style="yellow")
     out.print(f"tables: {report.write_tables(paper, grid, target)}")
     for line in paper.refusals() + grid.refusals():
         err.print(f"not tabled: {line}", style="red", markup=False)
@@ -74,7 +76,15 @@ def scale(folder: Path) -> None:
 def plots(study: str, folder: Path) -> None:
     from harness import report
 
-    out.print(f"plots: {report.write_plots(*report.load(study, folder))}")
+    paper, grid, target = report.load(study, folder)
+    if not (paper.tabled or grid.tabled):
+        err.print(_nothing_yet(paper.study.name), style="yellow")
+        return
+    out.print(f"plots: {report.write_plots(paper, grid, target)}")
+
+
+def _nothing_yet(study: str) -> str:
+    return f"nothing of the study '{study}' measured yet; run `csgbench sweep {study}`"
 
 
 def publish(wanted: bool, folder: Path) -> None:

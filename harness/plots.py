@@ -209,7 +209,10 @@ def schemes(model: str, results: Results) -> Canvas:
         right.axhline(position - 0.5, color="black", alpha=0.1, linewidth=0.8)
     for axis in (left, right):
         axis.grid(axis="x", alpha=0.3)
+        low, high = axis.get_xlim()
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
         axis.xaxis.set_major_formatter("{x:,.10g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
     return canvas
 
 

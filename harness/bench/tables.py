@@ -57,9 +57,9 @@ def peers_table(bench: Bench, measured: list[tuple[Target, Measured | None]]) ->
         Column("repeats", "repeats"),
     ]
     notes = [
-        "Each scheme with the fastest d:h of those that harness/sweeps/bench.toml lists for it, "
-        "which the sweep and grid studies suggested; the tables of the paper's study may have "
-        "another. "
+        "Each scheme with the fastest d:h of the [[runs]] that harness/sweeps/bench.toml lists for "
+        "it, which the sweep and grid studies suggested; the ablation and the paper's study may "
+        "have another. "
         f"Primary rays and shadow rays to two lights. Ratios are paired by round. {INTERVAL} "
         "POV-Ray times itself: parsing and its hierarchy are its build, and its work is put into "
         "our terms; flat is without bounds, bounded with a box at every operator. A mesh is made "

@@ -15,7 +15,7 @@ from harness.openscad import to_csg
 from harness.oracle.judge import Judgement, Verdict, judge
 from harness.oracle.solid import Answer, Crossing, ExactSolid
 from harness.scenes import Scene
-from harness.schemes import Params, complete, parse_settings, precision
+from harness.schemes import Params, catalogue, complete, parse_settings, precision
 from harness.trace import load, parse_size
 
 _FACES = {
@@ -181,7 +181,7 @@ def _schemes_table(
             name,
             f"{t:.17g}",
             "none" if leaf < 0 else _name(solid, leaf),
-            _verdict(judgement),
+            _verdict(judgement) if catalogue()[name].exact else _off(answer, t),
             _figure(judgement.error),
             _figure(judgement.normal_deg),
         )
@@ -208,6 +208,13 @@ def _verdict(judgement: Judgement) -> str:
     if judgement.verdict is Verdict.EXCUSED:
         return f"[yellow]{shown}: {judgement.reason}[/yellow]"
     return f"[red]{shown}[/red]"
+
+
+def _off(answer: Answer, t: float) -> str:
+    """Of a scheme that is not exact and promises no boundary to be met to E."""
+    if (answer.hit is None) != math.isinf(t):
+        return "[red]flip[/red]"
+    return "agree" if answer.hit is None else f"inexact: off by {abs(t - answer.hit.t):.2g} in t"
 
 
 def _figure(value: float) -> str:

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from harness import images
+from harness import STORE, images
 from harness.cli import app
+from harness.store import Store
 
 COMMANDS = ("sweep", "trace", "schemes", "doctor", "reference", "tables", "plots")
 TINY = """
@@ -160,6 +161,15 @@ def test_a_picture_of_nothing_is_warned_of(tmp_path):
     result = run("trace", path, "--size", "8x8")
     assert result.exit_code == 0
     assert "nothing.csg: no ray hits anything" in plain(result.stderr)
+
+
+@pytest.mark.parametrize("command", ["tables", "plots"])
+def test_a_store_without_the_study_is_said(command, tmp_path):
+    Store(tmp_path / STORE)
+    result = run(command, "--results", tmp_path)
+    assert "nothing of the study 'paper' measured yet" in plain(result.stderr)
+    assert "run `csgbench sweep paper`" in plain(result.stderr)
+    assert not (tmp_path / "plots").exists()
 
 
 def test_help_is_wrapped_to_the_terminal(monkeypatch):

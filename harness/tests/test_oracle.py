@@ -388,6 +388,14 @@ def test_explanation_names_crossings_hit_and_schemes(tmp_path) -> None:
         explain(out, out, str(path), pixel=(8, 0), size="8x8")
 
 
+def test_an_inexact_hit_is_off_by_so_much_and_no_flip():
+    text = StringIO()
+    out = Console(file=text, width=200, highlight=False)
+    explain(out, out, "ball", (200, 310), size="512x512", scheme="sphere_tracing")
+    assert "inexact: off by 8.9e-05 in t" in text.getvalue()
+    assert "flip" not in text.getvalue()
+
+
 def test_a_narrow_terminal_cuts_nothing():
     text = StringIO()
     out = Console(file=text, width=70, highlight=False)
