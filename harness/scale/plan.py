@@ -16,7 +16,7 @@ FAMILIES = ("ball", "ngk")
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 SIDE = 512  # pixels of the square picture
 REPEATS = 7
-BUDGET_S = 30.0  # no further repeat once build and trace times would add up to more
+BUDGET_S = 60.0  # no further repeat once build and trace times would add up to more
 TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
 SLOW_S = 12.0  # to build and trace; ten times as large it would run into the timeout
 
