@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from harness import PUBLISHED, ROOT, STORE
+
+if TYPE_CHECKING:
+    from harness.results import Results
 
 PIPED = 200  # columns where there is no terminal, that tables are whole
 
@@ -19,8 +23,7 @@ def tables(study: str, folder: Path) -> None:
     from harness import report
 
     paper, grid, target = report.load(study, folder)
-    if not paper.tabled:
-        err.print(_nothing_yet(paper.study.name), style="yellow")
+    _say_if_nothing(study, grid if study == "grid" else paper)
     out.print(f"tables: {report.write_tables(paper, grid, target)}")
     for line in paper.refusals() + grid.refusals():
         err.print(f"not tabled: {line}", style="red", markup=False)
@@ -77,14 +80,15 @@ def plots(study: str, folder: Path) -> None:
     from harness import report
 
     paper, grid, target = report.load(study, folder)
-    if not (paper.tabled or grid.tabled):
-        err.print(_nothing_yet(paper.study.name), style="yellow")
-        return
-    out.print(f"plots: {report.write_plots(paper, grid, target)}")
+    _say_if_nothing(study, grid if study == "grid" else paper)
+    if paper.tabled or grid.tabled:
+        out.print(f"plots: {report.write_plots(paper, grid, target)}")
 
 
-def _nothing_yet(study: str) -> str:
-    return f"nothing of the study '{study}' measured yet; run `csgbench sweep {study}`"
+def _say_if_nothing(study: str, measured: Results) -> None:
+    if measured.rows.empty:
+        line = f"nothing of the study '{study}' measured yet; run `csgbench sweep {study}`"
+        err.print(line, style="yellow", markup=False)
 
 
 def publish(wanted: bool, folder: Path) -> None:

@@ -214,7 +214,11 @@ def _off(answer: Answer, t: float) -> str:
     """Of a scheme that is not exact and promises no boundary to be met to E."""
     if (answer.hit is None) != math.isinf(t):
         return "[red]flip[/red]"
-    return "agree" if answer.hit is None else f"inexact: off by {abs(t - answer.hit.t):.2g} in t"
+    return (
+        "[green]agree[/green]"
+        if answer.hit is None
+        else f"inexact: off by {abs(t - answer.hit.t):.2g} in t"
+    )
 
 
 def _figure(value: float) -> str:

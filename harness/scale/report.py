@@ -78,6 +78,7 @@ def exponent(results: Sequence[Result], measure: Callable[[Result], float | None
 
 
 def power(values: Sequence[float], sizes: Sequence[int]) -> float:
+    """The exponent of the power law nearest to values over sizes."""
     return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
 
 
