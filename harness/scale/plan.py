@@ -31,10 +31,10 @@ CUTS = 40  # of a binary subdivision: 2⁴⁰ regions
 def settings(scheme: str, size: int) -> Params:
     """Of a scheme at a size; what is not named here has its default."""
     declared = {p.name: p for p in catalogue()[scheme].parameters}
-    if catalogue()[scheme].needs_mesh:
-        return {"segments": FACETS}
     chosen: Params = {"build_threads": 0} if "build_threads" in declared else {}
-    if scheme == "uniform_grid":  # about as many voxels a halfspace at every size
+    if catalogue()[scheme].needs_mesh:
+        chosen["segments"] = FACETS
+    elif scheme == "uniform_grid":  # about as many voxels a halfspace at every size
         chosen["n"] = round(4 * size ** (1 / 3))
     elif {"d", "h"} <= declared.keys():
         chosen["d"] = CUTS if declared["d"].maximum > 2 * DEPTH else DEPTH

@@ -96,8 +96,8 @@ THREADED = [
 FINE = {"uniform_grid": {"n": 60}, "chuang_hwang": {"d": 20, "h": 6}}  # others are octrees
 
 
-def test_all_that_divide_space_are_built_by_threads():
-    assert {"uniform_grid", "chuang_hwang", "sdsm", "packet_sdsm", "embree_cells"} <= set(THREADED)
+def test_all_that_build_do_so_by_threads():
+    assert set(THREADED) == set(catalogue()) - {"naive"}
     assert set(BUDGETED) <= set(THREADED)
 
 
@@ -106,13 +106,15 @@ def test_all_that_divide_space_are_built_by_threads():
 def test_a_structure_does_not_depend_on_the_threads_that_built_it(scheme, budget_mb, trees):
     tree = trees["ngk"]
     rays = np.asarray(models.frame(tree).view(32, 32).primary_rays())
-    limits = FINE.get(scheme, {"d": 12, "h": 12}) | {"budget_mb": budget_mb}
-    order = [p for p in catalogue()[scheme].parameters if p.name == "order"]
-    for given in [limits | {"order": o} for o in order[0].choices] if order else [limits]:
-        one = tracers.make(scheme, tree, given)
+    declared = {p.name: p for p in catalogue()[scheme].parameters}
+    wanted = FINE.get(scheme, {"d": 12, "h": 12}) | {"budget_mb": budget_mb, "segments": 16}
+    limits = {name: value for name, value in wanted.items() if name in declared}
+    orders = declared["order"].choices if "order" in declared else []
+    for given in [limits | {"order": order} for order in orders] or [limits]:
+        one, _ = models.build(scheme, tree, given)
         expected = one.trace(rays, count=True)
         for threads in (0, 2, 5):
-            tracer = tracers.make(scheme, tree, given | {"build_threads": threads})
+            tracer, _ = models.build(scheme, tree, given | {"build_threads": threads})
             hits = tracer.trace(rays, count=True)
             assert (tracer.facts, tracer.bytes) == (one.facts, one.bytes)
             assert hits.counters == expected.counters

@@ -15,12 +15,17 @@ static_assert(std::uint64_t{kMostOperators} << 1 <= 256);
 
 double norm(const double row[3]) { return std::hypot(row[0], row[1], row[2]); }
 
-bool is_similarity(const Mat3& m) {
+/// By how much a map's columns miss equal lengths and right angles, in their squared length: OpenSCAD writes rotations
+/// with six digits. Lengths by any row's norm are right up to three times as much.
+double skewness(const Mat3& m) {
   const double scale = dot(m.col[0], m.col[0]);
-  const auto small = [&](double x) { return std::fabs(x) <= 8 * kUnitRoundoff<double> * scale; };
-  return small(dot(m.col[1], m.col[1]) - scale) && small(dot(m.col[2], m.col[2]) - scale) &&
-         small(dot(m.col[0], m.col[1])) && small(dot(m.col[0], m.col[2])) && small(dot(m.col[1], m.col[2]));
+  double most = 0;
+  for (int i = 0; i < 3; ++i)
+    for (int j = i; j < 3; ++j) most = std::max(most, std::fabs(dot(m.col[i], m.col[j]) - (i == j ? scale : 0)));
+  return most / scale;
 }
+/// Near enough for a round atom, of which it is an error then.
+bool is_similarity(const Mat3& m) { return skewness(m) <= 0x1p-18; }
 
 /// The height from which a wall is reckoned: its apex, where its radius is rounded as a small number, if that is near.
 double wall_origin(const Frame& frame) {
@@ -226,29 +231,33 @@ class Structure::CellMaker {
     write(cell, operators);
   }
 
-  /// A cell with its operators, last first, and atoms_; from a new line on.
-  void write(Cell& cell, std::span<const MadeOperator> operators) {
-    behind_.clear();
+  /// What stands behind a cell: its operators, last first, and atoms_, of which those of a kind have their floats side
+  /// by side. The cell is told where each kind ends.
+  void pack(Cell& cell, std::span<const MadeOperator> operators) {
     const auto put = [&](const auto& number) {
       const auto* bytes = reinterpret_cast<const std::uint8_t*>(&number);
       behind_.insert(behind_.end(), bytes, bytes + sizeof number);
     };
-    if (cell.operators > 0) {
-      const auto feed = [&](const auto& operand) {
-        put(static_cast<std::uint8_t>((operators.size() - 1 - operand.slot) << 1 | operand.flip));
-      };
-      for (const MadeOperator& one : operators | std::views::reverse) put(one.atoms);
-      for (const MadeAtom& atom : atoms_) put(atom.leaf_and_axis);
-      for (const MadeAtom& atom : atoms_) feed(atom);
-      for (const MadeOperator& one : operators | std::views::reverse) feed(one);
-      behind_.resize((behind_.size() + 3) / 4 * 4);
-      for (std::size_t kind = 0, first = 0, end = 0; kind < kAtomKinds; ++kind, first = end) {
-        while (end < atoms_.size() && static_cast<std::size_t>(atoms_[end].kind) == kind) ++end;
-        for (int k = 0; k < kFloatsOf[kind]; ++k)
-          for (std::size_t i = first; i < end; ++i) put(atoms_[i].floats[k]);
-        cell.end[kind] = static_cast<std::uint8_t>(end);
-      }
+    const auto feed = [&](const auto& operand) {
+      put(static_cast<std::uint8_t>((operators.size() - 1 - operand.slot) << 1 | operand.flip));
+    };
+    for (const MadeOperator& one : operators | std::views::reverse) put(one.atoms);
+    for (const MadeAtom& atom : atoms_) put(atom.leaf_and_axis);
+    for (const MadeAtom& atom : atoms_) feed(atom);
+    for (const MadeOperator& one : operators | std::views::reverse) feed(one);
+    behind_.resize((behind_.size() + 3) / 4 * 4);
+    for (std::size_t kind = 0, first = 0, end = 0; kind < kAtomKinds; ++kind, first = end) {
+      while (end < atoms_.size() && static_cast<std::size_t>(atoms_[end].kind) == kind) ++end;
+      for (int k = 0; k < kFloatsOf[kind]; ++k)
+        for (std::size_t i = first; i < end; ++i) put(atoms_[i].floats[k]);
+      cell.end[kind] = static_cast<std::uint8_t>(end);
     }
+  }
+
+  /// A cell and what stands behind it, from a new line on.
+  void write(Cell& cell, std::span<const MadeOperator> operators) {
+    behind_.clear();
+    if (cell.operators > 0) pack(cell, operators);
     const std::size_t first = out_->cells.size();
     out_->cells.resize(first + (sizeof cell + behind_.size() + sizeof(Line) - 1) / sizeof(Line));
     std::uint8_t* to = out_->cells[first].bytes;
@@ -316,7 +325,8 @@ class Structure::CellMaker {
       error = std::hypot(error, weight * (roundings * kFloat * extent + norm(row[i]) * scale_.band));
       far = std::hypot(far, extent);
     }
-    error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
+    error += 0x1p-48 * leaf.condition;                              // kernels, and the search in double
+    if (round) error += 6 * skewness(leaf.local_from_world) * far;  // lengths', and a torus feels their squares'
 
     atoms_.push_back({kind,
                       static_cast<std::uint32_t>(number) | static_cast<std::uint32_t>(first) << kLeafBits,

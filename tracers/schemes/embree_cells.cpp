@@ -6,9 +6,10 @@
 // tells by itself whether the ray has passed a boundary before. The nearest hit of all cells is the
 // hit. Where a surface lies so close to a cell's wall that its tie band reaches across it, the ray is
 // traced again through the octree, in order (hit_rule.hpp): rare, and the same answer by definition.
-//   d, h, build_threads, budget_mb   limits of the octree, as for sdsm. Embree builds by one thread.
+//   d, h, build_threads, budget_mb   limits of the octree, as for sdsm.
 #include "../structures/embree.hpp"
 #include "../structures/octree.hpp"
+#include "../structures/parallel.hpp"
 
 namespace csg {
 namespace {
@@ -18,7 +19,7 @@ class EmbreeCells final : public Tracer {
   EmbreeCells(std::shared_ptr<const CsgTree> tree, OctreeLimits limits)
       : Tracer(std::move(tree)),
         octree_(*tree_, limits, Bounds::Root),
-        boxes_(root_bounds(), size_with_pads(octree_.world(), tree_->size())) {}
+        boxes_(root_bounds(), size_with_pads(octree_.world(), tree_->size()), thread_count(limits.build.threads)) {}
 
   std::size_t bytes() const override { return octree_.bytes() + boxes_.bytes(); }
   std::map<std::string, double> facts() const override { return octree_.facts(); }

@@ -6,6 +6,7 @@
 // to build. Packets are native where the machine has AVX-512; elsewhere Embree splits them.
 #include "../params.hpp"
 #include "../structures/embree.hpp"
+#include "../structures/parallel.hpp"
 
 namespace csg {
 namespace {
@@ -30,12 +31,13 @@ struct Packet {
 
 class EmbreeMesh final : public Tracer {
  public:
-  EmbreeMesh(std::shared_ptr<const CsgTree> tree, std::shared_ptr<const TriangleMesh> mesh, bool packets)
+  EmbreeMesh(std::shared_ptr<const CsgTree> tree, std::shared_ptr<const TriangleMesh> mesh, bool packets,
+             std::size_t threads)
       : Tracer(std::move(tree)),
         leaf_of_triangle_(mesh->leaf_of_triangle),
         packets_(packets),
         units_(tree_->size()),
-        scene_(RTC_GEOMETRY_TYPE_TRIANGLE) {
+        scene_(RTC_GEOMETRY_TYPE_TRIANGLE, threads) {
     if (leaf_of_triangle_.empty()) throw std::invalid_argument("embree_mesh: the mesh has no triangles");
     const RTCGeometry geometry = scene_.geometry();
     auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -168,11 +170,13 @@ const SchemeInfo scheme_embree_mesh{
                 .default_value = 1L,
                 .minimum = 1,
                 .maximum = kPacket,
-                .trial_values = {1L, 16L}}},
+                .trial_values = {1L, 16L}},
+               build_threads_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
       const int packet = params.integer("packet");
       if (packet != 1 && packet != kPacket) throw std::invalid_argument("embree_mesh: 'packet' is 1 or 16");
-      return std::make_unique<EmbreeMesh>(std::move(tree), params.mesh, packet == kPacket);
+      return std::make_unique<EmbreeMesh>(std::move(tree), params.mesh, packet == kPacket,
+                                          thread_count(params.integer("build_threads")));
     }};
 
 }  // namespace csg

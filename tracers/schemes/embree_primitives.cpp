@@ -7,24 +7,26 @@
 // one begins, all is known: so a ray goes from piece to piece, each as long as a few boxes last
 // (multi-hit traversal with node culling, Gribble 2016). Chains of one operator are balanced: from a
 // crossing up to the root it is a few steps, not as many as the chain is long.
-//   nearest   boxes that begin in a piece; 0: the ray is one piece, and gathers all.
+//   nearest         boxes that begin in a piece; 0: the ray is one piece, and gathers all.
+//   build_threads   of Embree's build.
 #include <algorithm>
 
 #include "../hit_rule.hpp"
 #include "../params.hpp"
 #include "../structures/embree.hpp"
+#include "../structures/parallel.hpp"
 
 namespace csg {
 namespace {
 
 class EmbreePrimitives final : public Tracer {
  public:
-  EmbreePrimitives(std::shared_ptr<const CsgTree> tree, int nearest)
+  EmbreePrimitives(std::shared_ptr<const CsgTree> tree, int nearest, std::size_t threads)
       : Tracer(std::move(tree)),
         nearest_(static_cast<std::size_t>(nearest)),
         nodes_(balanced(global_tree(*tree_))),
         world_(tree_->world()),
-        boxes_(leaf_boxes(*tree_), size_with_pads(world_, tree_->size())) {
+        boxes_(leaf_boxes(*tree_), size_with_pads(world_, tree_->size()), threads) {
     node_of_leaf_.resize(tree_->leaves().size());
     for (std::uint32_t i = 0; i < nodes_.size(); ++i)
       if (nodes_[i].is_leaf()) node_of_leaf_[static_cast<std::size_t>(nodes_[i].leaf())] = i;
@@ -124,9 +126,11 @@ const SchemeInfo scheme_embree_primitives{
                 .default_value = 8L,
                 .minimum = 0,
                 .maximum = 1000,
-                .trial_values = {0L, 1L, 8L}}},
+                .trial_values = {0L, 1L, 8L}},
+               build_threads_param()},
     .make = [](std::shared_ptr<const CsgTree> tree, const Params& params) -> std::unique_ptr<Tracer> {
-      return std::make_unique<EmbreePrimitives>(std::move(tree), params.integer("nearest"));
+      return std::make_unique<EmbreePrimitives>(std::move(tree), params.integer("nearest"),
+                                                thread_count(params.integer("build_threads")));
     }};
 
 }  // namespace csg

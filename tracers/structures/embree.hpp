@@ -35,11 +35,12 @@ inline double size_with_pads(const Box& world, double size) {
   return size;
 }
 
-/// Owns a device and a scene of one geometry. Embree's build always uses one thread: its pool is the process's, as
-/// large as any live device asks for, so one that asks for more would build all others by more too.
+/// Owns a device and a scene of one geometry, built by `threads`. Embree's pool is the process's, as large as any live
+/// device asks for: while a scene that was built by more lives, others are built by more too.
 class EmbreeScene {
  public:
-  explicit EmbreeScene(RTCGeometryType type) : device_(rtcNewDevice("threads=1,start_threads=0")) {
+  EmbreeScene(RTCGeometryType type, std::size_t threads)
+      : device_(rtcNewDevice(("threads=" + std::to_string(threads) + ",start_threads=0").c_str())) {
     if (!device_) throw std::runtime_error("Embree cannot start on this machine");
     rtcSetDeviceMemoryMonitorFunction(device_, &count_bytes, &bytes_);
     scene_ = rtcNewScene(device_);
@@ -102,9 +103,9 @@ inline RTCRayHit embree_ray(const EmbreeUnits& units, const Ray& ray, double t0,
 /// roughly near to far. `visit` may return a t beyond which boxes no longer matter, else +inf.
 class EmbreeBoxes {
  public:
-  /// `size`: of the model with its pads, which sets units and padding.
-  EmbreeBoxes(std::vector<Box> boxes, double size)
-      : boxes_(std::move(boxes)), units_(size), pad_(kEmbreePad * size), scene_(RTC_GEOMETRY_TYPE_USER) {
+  /// `size`: of the model with its pads, which sets units and padding. `threads`: that build.
+  EmbreeBoxes(std::vector<Box> boxes, double size, std::size_t threads)
+      : boxes_(std::move(boxes)), units_(size), pad_(kEmbreePad * size), scene_(RTC_GEOMETRY_TYPE_USER, threads) {
     const RTCGeometry geometry = scene_.geometry();
     rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(boxes_.size()));
     rtcSetGeometryUserData(geometry, this);

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import tracers
 from harness.adversaries import FAMILIES
 from harness.adversaries.aim import all_rays, rays_for
-from harness.adversaries.families import UNION, Solid, placed
+from harness.adversaries.families import UNION, Solid, combine, placed, rotation
 from harness.adversaries.walls import tie_past_an_edge
 
 EXACT = [scheme for scheme in tracers.schemes() if scheme.exact and scheme.name != "naive"]
@@ -136,6 +136,23 @@ def test_pads_of_bad_condition(kind: str, precision: str) -> None:
             params = params | {"precision": precision}
             tracer = tracers.make(scheme.name, tree, params)
             assert_same(tree, scheme.name, params, tracer, rays, expected)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_spheres_and_tori_that_are_almost_round(precision: str) -> None:
+    """As six digits leave a rotation, and a little worse: what may be traced as round, and what not."""
+    for number in range(200):
+        rng = np.random.default_rng([number, 77])
+        solid = Solid()
+        parts = []
+        for _ in range(rng.integers(2, 8)):
+            linear = rotation(rng) + 10 ** rng.uniform(-6.2, -5.5) * rng.uniform(-1, 1, (3, 3))
+            at = placed(*rng.uniform(-0.7, 0.7, 3), linear * 10 ** rng.uniform(-0.5, 0.3))
+            major = rng.uniform(0.2, 0.8)
+            minor = major * float(rng.choice([1.0, 0.5, 0.1, 0.01]))
+            parts.append(solid.leaf(str(rng.choice(["sphere", "torus"])), [major, minor], at))
+        tree = solid.tree(combine(rng, parts))
+        check_tree(tree, rng, 800, lambda s, n=number: [grid(s)[n % len(grid(s))]], precision)
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
