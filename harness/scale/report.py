@@ -113,9 +113,9 @@ def growth_table(family: str, grown: Results) -> Table:
     ]
     one = grown.study.configurations[0]
     notes = [
-        f"{one.width}×{one.height} pixels, two lights; built by all cores, traced by one. Subdivision "
-        f"by h alone. A trial has {TIMEOUT_S:g} s for loading, building, tracing and tracing again "
-        "to count, and three quarters of the machine's memory; repeats end at "
+        f"{one.width}×{one.height} pixels, two lights; built by all cores, traced by one. "
+        f"Subdivision by h alone. A trial has {TIMEOUT_S:g} s for loading, building, tracing and "
+        "tracing again to count, and three quarters of the machine's memory; repeats end at "
         f"{BUDGET_S:g} s. A scheme that did not finish, or took more than {SLOW_S:g} s to build "
         "and trace, is not tried on a larger model. In brackets: 95% interval of the median."
     ]

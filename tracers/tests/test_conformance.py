@@ -140,7 +140,7 @@ def test_pads_of_bad_condition(kind: str, precision: str) -> None:
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_spheres_and_tori_that_are_almost_round(precision: str) -> None:
-    """As six digits leave a rotation, and a little worse: what may be traced as round, and what not."""
+    """As six digits leave a rotation, and worse: what may be traced as round, and what not."""
     for number in range(200):
         rng = np.random.default_rng([number, 77])
         solid = Solid()
