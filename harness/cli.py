@@ -43,6 +43,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+MISUSE = typer.BadParameter.__base__  # of the command line; typer has no public name for it
+
 StudyName = Annotated[
     str,
     typer.Argument(
@@ -408,7 +410,14 @@ def _check(folder: Path, pictures: list[tuple[str, int, int]], **options: bool) 
 def main() -> None:
     if sys.argv[1:2] == ["trace"]:  # C++ does not look for Ctrl-C, and there is nothing to keep
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    app()
+    try:
+        sys.exit(app(prog_name="csgbench", standalone_mode=False))
+    except MISUSE as error:
+        where = error.ctx.command_path if error.ctx else "csgbench"
+        message = error.format_message().rstrip(".")
+        if message:  # else there was no command, and its help was shown
+            err.print(f"{where}: {message} (see {where} --help)", style="red", markup=False)
+        sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from harness import STORE, images
-from harness.cli import app
+from harness.cli import app, main
 from harness.store import Store
 
 COMMANDS = ("sweep", "trace", "schemes", "doctor", "reference", "tables", "plots")
@@ -161,6 +161,27 @@ def test_a_picture_of_nothing_is_warned_of(tmp_path):
     result = run("trace", path, "--size", "8x8")
     assert result.exit_code == 0
     assert "nothing.csg: no ray hits anything" in plain(result.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["trac"], "csgbench: No such command 'trac'. Did you mean 'trace'"),
+        (["trace"], "csgbench trace: Missing argument 'model'"),
+        (["trace", "ball", "--sort"], "csgbench trace: No such option: --sort"),
+        (["sweep", "--seed", "x"], "csgbench sweep: Invalid value for '--seed'"),
+    ],
+)
+def test_misuse_is_one_line_that_says_where_help_is(arguments, message, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["csgbench", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capsys.readouterr()
+    assert ended.value.code == 2
+    assert not shown.out
+    assert plain(shown.err).startswith(message)
+    assert "Usage" not in shown.err
+    assert plain(shown.err).endswith("--help)")
 
 
 @pytest.mark.parametrize("command", ["tables", "plots"])
