@@ -93,7 +93,7 @@ def ball_in_shell(gap: float, angle: np.ndarray, rng: np.random.Generator):
 def _gaps(make, precision: str, rays: int, rng: np.random.Generator) -> Findings:
     name = make.__name__.replace("_", " ")
     seen = Tally("X8", f"{name}, from {SEEN_FROM} E on, {precision}", "gaps missed")
-    lost = Tally("X8", f"{name}, below {SEEN_FROM} E, {precision}", "share missed (no bar)", 1.0)
+    lost = Tally("X8", f"{name}, below {SEEN_FROM} E, {precision}", "share missed (no bar)", np.inf)
     missed = np.zeros(2)
     for multiple in GAPS:
         for count in chunks(rays // len(GAPS)):
