@@ -132,7 +132,8 @@ def findings_table(findings: Iterable[Finding]) -> Table:
     titles = {name: row.title for name, row in rows().items()}
     values = [
         [
-            f.row, titles[f.row], f.case, f.rays, f.measured, f.worst, f.bar,
+            f.row, titles[f.row], f.case, f.rays, f.measured, f.worst,
+            f.bar if f.bar is not None and np.isfinite(f.bar) else None,
             f.failures, f.excused, f.rate_bound, verdict(f),
         ]
         for f in findings
