@@ -154,10 +154,10 @@ Hits trace(const BuiltTracer& built, const RayRows& rows, bool count) {
 }
 
 TimedPicture render(const BuiltTracer& built, const csg::View& view, bool count, bool cost, int threads) {
-  TimedPicture out;
+  TimedPicture out{{view.width, view.height, cost}, 0, {}};
   const nb::gil_scoped_release unlocked;
   const Stopwatch watch;
-  out.picture = csg::render(*built.tracer, view, count || cost ? &out.counters : nullptr, cost, threads);
+  csg::render(*built.tracer, view, out.picture, count || cost ? &out.counters : nullptr, threads);
   out.trace_s = watch.seconds();
   return out;
 }

@@ -89,7 +89,9 @@ Model load_model(const std::string& folder, const std::string& name) {
   const SchemeInfo& exact = scheme("hybrid_sdsm");
   const auto tracer = exact.make(model.tree, Params(exact, {}));
   const Recorder recorder(*tracer, model.tree);
-  render(recorder, read_view(open(path + ".view")));
+  const View view = read_view(open(path + ".view"));
+  Picture picture(view.width, view.height);
+  render(recorder, view, picture);
   model.primary = sampled(recorder.primary);
   model.shadow = sampled(recorder.shadow);
   return model;

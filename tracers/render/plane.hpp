@@ -1,4 +1,4 @@
-// The memory of a picture, which is larger than caches: making it ready cost a part of the time to draw it.
+// The memory of a picture, which is larger than caches.
 #pragma once
 #include <vector>
 
@@ -6,8 +6,7 @@
 
 namespace csg {
 
-/// Values of height × width pixels, row by row from the top. Not cleared, as every pixel is drawn, so that a page is
-/// first touched by the thread that draws there.
+/// Values of height × width pixels, row by row from the top.
 template <class T>
 using Plane = std::vector<T, LargePages<T>>;
 

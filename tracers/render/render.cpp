@@ -7,29 +7,16 @@
 namespace csg {
 namespace {
 
-constexpr int kTile = 32, kBlock = 4;
+constexpr int kAcross = 64, kDown = 16;  // of a tile, whose bytes of a row are a line of the cache
+constexpr int kBlock = 4;
 
 /// Calls `visit(column, row)` for the tile at (x0, y0), block by block, so that neighbours stand together.
 template <class Visit>
 void for_each_pixel(const View& view, int x0, int y0, Visit visit) {
-  for (int y = y0; y < std::min(y0 + kTile, view.height); y += kBlock)
-    for (int x = x0; x < std::min(x0 + kTile, view.width); x += kBlock)
+  for (int y = y0; y < std::min(y0 + kDown, view.height); y += kBlock)
+    for (int x = x0; x < std::min(x0 + kAcross, view.width); x += kBlock)
       for (int row = y; row < std::min(y + kBlock, view.height); ++row)
         for (int column = x; column < std::min(x + kBlock, view.width); ++column) visit(column, row);
-}
-
-Picture undrawn(const View& view, bool per_pixel_cost) {
-  const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-  Picture picture;
-  picture.width = view.width;
-  picture.height = view.height;
-  picture.rgb.resize(pixels);
-  picture.depth.resize(pixels);
-  picture.normal.resize(pixels);
-  picture.leaf.resize(pixels);
-  picture.lit.resize(pixels);
-  if (per_pixel_cost) picture.cost.resize(pixels);
-  return picture;
 }
 
 /// What one thread needs to draw tiles of a picture; no pixel belongs to two tiles.
@@ -73,7 +60,7 @@ class TileRenderer {
   }
 
   void primary(int x, int y) {
-    rays_.resize(kTile * kTile);
+    rays_.resize(kAcross * kDown);
     pixels_.resize(rays_.size());
     std::size_t count = 0;
     for_each_pixel(view_, x, y, [&](int column, int row) {
@@ -117,7 +104,7 @@ class TileRenderer {
 
   void shadows(std::size_t number) {
     const Light& light = view_.lights[number];
-    rays_.resize(kTile * kTile);
+    rays_.resize(kAcross * kDown);
     facing_.resize(rays_.size());
     std::size_t count = 0;
     for (const Surface& at : lit_) {
@@ -166,6 +153,16 @@ class TileRenderer {
 
 }  // namespace
 
+Picture::Picture(int columns, int rows, bool per_pixel_cost) : width(columns), height(rows) {
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  rgb.assign(pixels, {});
+  depth.assign(pixels, kInfinity);
+  normal.assign(pixels, {});
+  leaf.assign(pixels, -1);
+  lit.assign(pixels, 0);
+  if (per_pixel_cost) cost.assign(pixels, 0);
+}
+
 std::uint64_t Picture::hash() const {
   std::uint64_t hash = 0xcbf29ce484222325;
   const auto add = [&](const auto& plane) {
@@ -178,15 +175,14 @@ std::uint64_t Picture::hash() const {
   return hash;
 }
 
-Picture render(const Tracer& tracer, const View& view, Counters* counters, bool per_pixel_cost, int threads) {
+void render(const Tracer& tracer, const View& view, Picture& picture, Counters* counters, int threads) {
   if (view.lights.size() > 8) throw std::invalid_argument("view: at most 8 lights");
-  Picture picture = undrawn(view, per_pixel_cost);
-  const int columns = (view.width + kTile - 1) / kTile, rows = (view.height + kTile - 1) / kTile;
+  const int columns = (view.width + kAcross - 1) / kAcross, rows = (view.height + kDown - 1) / kDown;
   std::vector<TileRenderer> renderers(static_cast<std::size_t>(std::clamp(threads, 1, columns * rows)),
                                       TileRenderer(tracer, view, picture, counters != nullptr));
   std::atomic<int> next = 0;
   const auto work = [&](TileRenderer& renderer) {
-    for (int tile; (tile = next++) < columns * rows;) renderer.draw(tile % columns * kTile, tile / columns * kTile);
+    for (int tile; (tile = next++) < columns * rows;) renderer.draw(tile % columns * kAcross, tile / columns * kDown);
   };
   {
     std::vector<std::jthread> others;
@@ -197,7 +193,6 @@ Picture render(const Tracer& tracer, const View& view, Counters* counters, bool 
     picture.rays += renderer.rays();
     if (counters) *counters += renderer.counted();
   }
-  return picture;
 }
 
 }  // namespace csg

@@ -8,7 +8,10 @@
 
 namespace csg {
 
+/// Made before it is drawn: what the system takes to clear as much memory is no scheme's time.
 struct Picture {
+  Picture(int columns, int rows, bool per_pixel_cost = false);
+
   int width = 0, height = 0;
   Plane<Vec3> rgb;           ///< linear
   Plane<double> depth;       ///< from the eye along the ray, +inf where nothing is hit
@@ -22,10 +25,9 @@ struct Picture {
   std::uint64_t hash() const;
 };
 
-/// Rays go to the tracer in batches of a tile, in 4×4 order; threads take tiles as they come, and the
-/// picture does not depend on their number. With `per_pixel_cost` each ray is a batch of its own and
-/// `counters` must not be null.
-Picture render(const Tracer& tracer, const View& view, Counters* counters = nullptr, bool per_pixel_cost = false,
-               int threads = 1);
+/// Draws every pixel of a new picture of the view's size. Rays go to the tracer in batches of a tile, in 4×4 order;
+/// threads take tiles as they come, and the picture does not depend on their number. For the cost of a pixel each ray
+/// is a batch of its own, and `counters` must not be null.
+void render(const Tracer& tracer, const View& view, Picture& picture, Counters* counters = nullptr, int threads = 1);
 
 }  // namespace csg
