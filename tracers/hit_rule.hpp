@@ -40,17 +40,12 @@ struct Crossing {
   std::uint8_t face;
 };
 
-/// How a ray meets a leaf at a crossing.
-struct Facing {
-  Vec3 normal;  ///< of the leaf, unit
-  double cosine;
-};
-inline Facing facing(const Leaf& leaf, std::uint8_t face, const Ray& ray, double t, double speed) {
+/// The unit normal of a leaf where a ray crosses it.
+inline Vec3 unit_normal(const Leaf& leaf, std::uint8_t face, const Ray& ray, double t) {
   const Vec3 gradient = leaf_normal(leaf, face, ray.origin + t * ray.dir);
   const double norm = length(gradient);
-  if (!(norm > 0 && norm < kInfinity)) return {(-1 / speed) * ray.dir, 1};  // an apex, a torus' axis
-  const Vec3 normal = (1 / norm) * gradient;
-  return {normal, dot(normal, ray.dir) / speed};
+  if (!(norm > 0 && norm < kInfinity)) return (-1 / length(ray.dir)) * ray.dir;  // an apex, a torus' axis
+  return (1 / norm) * gradient;
 }
 
 /// Memory that a batch of rays shares.
@@ -117,7 +112,7 @@ class BoundarySearch {
         first = after;
         continue;
       }
-      const double cosine = facing(events[decisive(first, after, after)]).cosine;
+      const double cosine = dot(normal(events[decisive(first, after, after)]), ray_.dir) / speed_;
       skip_ = t + tolerances().band_at(band_, cosine);
       std::size_t end = after;
       while (end < count && events[end].t <= skip_) state.toggle(events[end++].node, work_);
@@ -128,7 +123,7 @@ class BoundarySearch {
       if (t < ray_.t_max) {
         for (std::size_t i = end; i-- > after;) state.toggle(events[i].node, work_);
         const Crossing& on = events[decisive(first, after, end)];
-        hit_ = {t, oriented(facing(on).normal), on.leaf};
+        hit_ = {t, oriented(normal(on)), on.leaf};
       }
       return true;
     }
@@ -199,8 +194,8 @@ class BoundarySearch {
     return best;
   }
 
-  Facing facing(const Crossing& on) const {
-    return csg::facing(model_.leaves()[static_cast<std::size_t>(on.leaf)], on.face, ray_, on.t, speed_);
+  Vec3 normal(const Crossing& on) const {
+    return unit_normal(model_.leaves()[static_cast<std::size_t>(on.leaf)], on.face, ray_, on.t);
   }
 
   /// Out of the solid: against the ray if it enters, with it if it leaves.

@@ -68,7 +68,7 @@ void least(benchmark::State& state, const CsgTree& model, const std::vector<Know
       }
       if (is_shadow || one.hit.leaf < 0) continue;
       const Leaf& on = model.leaves()[static_cast<std::size_t>(one.hit.leaf)];
-      Facing normal = facing(on, one.face, one.ray, one.hit.t, length(one.ray.dir));
+      Vec3 normal = unit_normal(on, one.face, one.ray, one.hit.t);
       benchmark::DoNotOptimize(normal);
     }
   });

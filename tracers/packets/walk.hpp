@@ -95,7 +95,6 @@ class Walker {
       // The last of the octants first, so that the first is on top. Each is pushed, and kept if it is met: no branch
       // hangs on the answer.
       const Node& node = model_.nodes[link];
-      const int pushed = top;
       for (unsigned order = turned(node.octants, octant); order;) {
         const int last = 31 - __builtin_clz(order);
         order ^= 1u << last;
@@ -104,7 +103,6 @@ class Walker {
         stack[top] = {link, box, lanes_met};
         top += lanes_met != 0;
       }
-      for (int i = pushed; i < top; ++i) fetch(node.link[stack[i].box]);
     }
   }
 

@@ -125,9 +125,8 @@ class PacketSdsm final : public Tracer {
       at = k;
     }
     if (at < 0) return false;
-    const double speed = length(ray.dir);
-    const Facing on = facing(leaf, found.face[at], ray, found.t[at], speed);
-    hit = {found.t[at], on.cosine > 0 ? -on.normal : on.normal, answer.leaf[i]};
+    const Vec3 normal = unit_normal(leaf, found.face[at], ray, found.t[at]);
+    hit = {found.t[at], dot(normal, ray.dir) > 0 ? -normal : normal, answer.leaf[i]};
     return true;
   }
 

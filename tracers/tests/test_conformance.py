@@ -1,4 +1,4 @@
-"""Every exact scheme of the registry gives naive's leaf and naive's bits of t for every ray, in
+"""Every exact scheme of the registry gives naive's leaf, normal and bits of t for every ray, in
 float64 and in float32 (where all agree with a naive that computes in float32).
 
 There is no list of schemes here: what schemes.def names is tested, over the values that its
@@ -40,9 +40,10 @@ def test_every_parameter_has_values_to_try() -> None:
 
 
 def differing(expected: "tracers.Hits", got: "tracers.Hits") -> np.ndarray:
-    """Indices of rays whose leaf, or any bit of whose t, differs."""
+    """Indices of rays whose leaf or normal, or any bit of whose t, differs."""
     same_t = expected.t.view(np.uint64) == got.t.view(np.uint64)
-    return np.flatnonzero(~(same_t & (expected.leaf == got.leaf)))
+    same_normal = (expected.normal == got.normal).all(axis=1)
+    return np.flatnonzero(~(same_t & same_normal & (expected.leaf == got.leaf)))
 
 
 def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expected) -> None:
@@ -184,7 +185,8 @@ class Planted:
 
     def trace(self, rays: np.ndarray):
         hits = self.tracer.trace(rays)
-        planted = type("Hits", (), {"t": hits.t.copy(), "leaf": hits.leaf.copy()})()
+        planes = {name: getattr(hits, name).copy() for name in ("t", "leaf", "normal")}
+        planted = type("Hits", (), planes)()
         self.change(planted)
         return planted
 
@@ -200,6 +202,10 @@ def one_ulp(hits) -> None:
     hits.t[-1] = np.nextafter(hits.t[-1], 0)
 
 
+def turned(hits) -> None:
+    hits.normal[0] *= -1
+
+
 def another_leaf(hits) -> None:
     hits.leaf[np.flatnonzero(hits.leaf >= 0)[0]] += 1
 
@@ -208,7 +214,7 @@ def lost(hits) -> None:
     hits.leaf[np.flatnonzero(hits.leaf >= 0)[-1]] = -1
 
 
-@pytest.mark.parametrize("change", [one_ulp, another_leaf, lost])
+@pytest.mark.parametrize("change", [one_ulp, turned, another_leaf, lost])
 def test_planted_change_of_one_ray_is_caught(change) -> None:
     rng = np.random.default_rng(5)  # a solid that most rays hit
     tree = FAMILIES["coplanar_blocks"](rng)

@@ -45,6 +45,7 @@ class Scaled:
 
     def __init__(self, hits, exponent: int) -> None:
         self.t, self.leaf = np.ldexp(hits.t, exponent), hits.leaf
+        self.normal = hits.normal
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -104,6 +105,7 @@ class Joined:
     def __init__(self, parts: list) -> None:
         self.t = np.concatenate([part.t for part in parts])
         self.leaf = np.concatenate([part.leaf for part in parts])
+        self.normal = np.concatenate([part.normal for part in parts])
 
 
 @pytest.mark.parametrize("family", ["random_solid", "lattice", "tangent"])
