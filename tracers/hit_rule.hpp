@@ -10,7 +10,8 @@
 //     Otherwise T is the hit.
 //  5. It counts if T < t_max, which touches nothing else.
 //  6. Its leaf is, among the crossings in [T, T + bb], the lowest that alone changes the solid, from the
-//     state before T or after it. θ in bb is taken at the leaf so found among those exactly at T.
+//     state before T or after it. θ in bb is taken at the leaf so found among those exactly at T. The normal is
+//     that leaf's gradient there, out of the solid; where it has none (an apex, a torus' axis), the ray's way back.
 //  7. Of the intervals [t0, t1) into which cells cut a ray, one owns T: t0 ≤ T < t1, and t1 is the next
 //     one's t0 to the bit. s and skip travel from cell to cell.
 //  8. A cell looks at crossings a little beyond its interval, by two of the widest bands.

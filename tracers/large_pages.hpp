@@ -7,7 +7,7 @@
 
 namespace csg {
 
-/// An allocator of large pages, where the system has them. What a vector adds by `resize` is not cleared.
+/// An allocator of large pages, where the system has them.
 template <class T>
 struct LargePages {
   using value_type = T;
@@ -22,7 +22,6 @@ struct LargePages {
     return static_cast<T*>(memory);
   }
   void deallocate(T* memory, std::size_t) { ::operator delete(memory, kLargePage); }
-  void construct(T*) {}
   bool operator==(const LargePages&) const = default;
 
  private:

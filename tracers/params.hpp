@@ -48,7 +48,7 @@ class Params {
 struct SchemeInfo {
   std::string name;
   std::string title;
-  bool exact = true;  ///< same leaf and same bits of t as naive, for every ray
+  bool exact = true;  ///< same leaf, normal and bits of t as naive, for every ray
   bool needs_mesh = false;
   bool own_numerics = false;  ///< computes in a way of its own: numerics_params are none of its parameters
   std::vector<ParamSpec> params{};

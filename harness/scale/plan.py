@@ -21,8 +21,7 @@ TIMEOUT_S = 120.0  # for one trial: load, build, trace, trace again to count
 SLOW_S = 12.0  # to build and trace; ten times as large it would run into the timeout
 
 # Subdivision by h alone: d is so deep that no cell gets there. At the paper's h of 7 cells divide
-# on around what cannot be separated, and ngk takes 3 kB a halfspace; up to 20, packets still take
-# more than 1 kB.
+# on around what cannot be separated, and ngk takes 3 kB a halfspace.
 DEPTH, HALFSPACES = 20, 24
 FACETS = 32  # a circle, as in the paper's study
 CUTS = 40  # of a binary subdivision: 2⁴⁰ regions

@@ -29,7 +29,7 @@ OTHERS = ("x86-64-v3", "x86-64-v4")
 SEED = 16
 FROM_FULL = 100_000  # rays from which the other builds are made: each takes a minute
 RAYS_PER_SOLID = 50_000
-SIDE = 160  # of a picture, pixels: five tiles
+SIDE = 160  # of a picture, pixels: several tiles, the last of each row cut
 SCHEMES = ("naive", "hybrid_sdsm", "packet_sdsm", "embree_cells")
 
 

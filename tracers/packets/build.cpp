@@ -15,18 +15,6 @@ static_assert(std::uint64_t{kMostOperators} << 1 <= 256);
 
 double norm(const double row[3]) { return std::hypot(row[0], row[1], row[2]); }
 
-/// By how much a map's columns miss equal lengths and right angles, in their squared length: OpenSCAD writes rotations
-/// with six digits. Lengths by any row's norm are right up to three times as much.
-double skewness(const Mat3& m) {
-  const double scale = dot(m.col[0], m.col[0]);
-  double most = 0;
-  for (int i = 0; i < 3; ++i)
-    for (int j = i; j < 3; ++j) most = std::max(most, std::fabs(dot(m.col[i], m.col[j]) - (i == j ? scale : 0)));
-  return most / scale;
-}
-/// Near enough for a round atom, of which it is an error then.
-bool is_similarity(const Mat3& m) { return skewness(m) <= 0x1p-18; }
-
 /// The height from which a wall is reckoned: its apex, where its radius is rounded as a small number, if that is near.
 double wall_origin(const Frame& frame) {
   const double radius = frame.shape[0], slope = frame.shape[1];
@@ -67,6 +55,24 @@ Frame frame_of(const Leaf& leaf, const Vec3& middle, double unit) {
     }
   }
   return frame;
+}
+
+/// How far a frame is from a similarity, in the squares of lengths: OpenSCAD writes rotations with six digits. Lengths
+/// by the first row's norm are right up to twice as much, and up to 3.3 times where a torus is turned by its axis
+/// alone.
+double skewness(const Frame& frame) {
+  const auto product = [&](int i, int j) {
+    return frame.row[i][0] * frame.row[j][0] + frame.row[i][1] * frame.row[j][1] + frame.row[i][2] * frame.row[j][2];
+  };
+  const double scale = product(0, 0);
+  double most = 0;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = i; j < 3; ++j) {
+      const double off = std::fabs(product(i, j) - (i == j ? scale : 0));
+      if (!(off <= most)) most = off;
+    }
+  }
+  return most / scale;
 }
 
 /// A box with its octants' node, or with ~ of its cell.
@@ -157,19 +163,18 @@ class Structure::CellMaker {
 
   void add_cell(const std::vector<TreeNode>& tree, const Box& box, const Box& whole) {
     Cell cell{};
-    Vec3 centre;
     for (int axis = 0; axis < 3; ++axis) {
       const auto in_units = [&](double x) { return (x - scale_.middle[axis]) / scale_.unit; };
-      centre[axis] = cell.centre[axis] = static_cast<float>(in_units(box.center()[axis]));
-      cell.lo[axis] = static_cast<float>(in_units(whole.lo[axis]) - centre[axis]);
+      centre_[axis] = cell.centre[axis] = static_cast<float>(in_units(box.center()[axis]));
+      cell.lo[axis] = static_cast<float>(in_units(whole.lo[axis]) - centre_[axis]);
     }
     cell.side = static_cast<float>(2 * whole.half().x / scale_.unit);
-    const double reach = length(box.padded(margin_).half()) / scale_.unit +
-                         length(centre - (1 / scale_.unit) * (box.center() - scale_.middle));
+    reach_ = length(box.padded(margin_).half()) / scale_.unit +
+             length(centre_ - (1 / scale_.unit) * (box.center() - scale_.middle));
     atoms_.clear();
     // Wide against what rounding costs, narrow against the margin, and against what lies close together.
     const double margin = margin_ / scale_.unit;
-    cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 64, margin / 8));
+    window_ = cell.window = static_cast<float>(std::clamp(64 * scale_.band, margin / 64, margin / 8));
     trusted_ = true;
 
     // Operators in pre-order, to be turned round; a complement is carried to the leaves to tell which
@@ -205,13 +210,12 @@ class Structure::CellMaker {
       if (root) slot = add_operator(0, false);
       const Leaf& leaf = tree_.leaves()[static_cast<std::size_t>(node.leaf())];
       AtomOf parts[3];
-      const int count = atoms_of(leaf, box, parts);
+      const int count = atoms_of(leaf, frames_[static_cast<std::size_t>(node.leaf())], box, parts);
       if (count > 1) {  // an intersection of atoms, where unions are made
         if (!flip) slot = add_operator(slot, true);
         atom_flip = true;
       }
-      for (int k = 0; k < count; ++k)
-        add_atom(cell, leaf, node.leaf(), parts[k], slot, atom_flip, negative, centre, reach);
+      for (int k = 0; k < count; ++k) add_atom(leaf, node.leaf(), parts[k], slot, atom_flip, negative);
       if (count == 0) trusted_ = false;
     }
     ++out_->made.cells;
@@ -265,14 +269,24 @@ class Structure::CellMaker {
     std::ranges::copy(behind_, to + sizeof cell);
   }
 
+  /// What it costs in the cell to take a frame for a similarity.
+  double error_if_round(const Frame& frame) const {
+    Vec3 local;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) local[i] += frame.row[i][j] * (centre_[j] - frame.offset[j]);
+    return 6 * skewness(frame) * (length(local) + norm(frame.row[0]) * reach_);
+  }
+  /// Whether that is little against the window, for else too many rays graze.
+  bool is_round(const Frame& frame) const { return error_if_round(frame) <= norm(frame.row[0]) * window_ / 16; }
+
   /// The atoms of a leaf that cut the box; those that hold all of it are dropped.
-  int atoms_of(const Leaf& leaf, const Box& box, AtomOf parts[3]) const {
+  int atoms_of(const Leaf& leaf, const Frame& frame, const Box& box, AtomOf parts[3]) const {
     switch (leaf.kind) {
       case Kind::Sphere:
-        parts[0] = {is_similarity(leaf.local_from_world) ? AtomKind::Ball : AtomKind::Ellipsoid, 0, 3};
+        parts[0] = {is_round(frame) ? AtomKind::Ball : AtomKind::Ellipsoid, 0, 3};
         return 1;
       case Kind::Torus:
-        parts[0] = {is_similarity(leaf.local_from_world) ? AtomKind::Torus : AtomKind::SkewTorus, 0, 3};
+        parts[0] = {is_round(frame) ? AtomKind::Torus : AtomKind::SkewTorus, 0, 3};
         return 1;
       case Kind::Block:
       case Kind::Cylinder:
@@ -303,8 +317,8 @@ class Structure::CellMaker {
     return count;
   }
 
-  void add_atom(const Cell& cell, const Leaf& leaf, std::int32_t number, const AtomOf& part, std::uint16_t slot,
-                bool flip, bool negative, const Vec3& centre, double reach) {
+  void add_atom(const Leaf& leaf, std::int32_t number, const AtomOf& part, std::uint16_t slot, bool flip,
+                bool negative) {
     const auto [kind, first, end] = part;
     const Frame& frame = frames_[static_cast<std::size_t>(number)];
     const bool round = kind == AtomKind::Ball || kind == AtomKind::Torus;  // of which the frame need not be turned
@@ -313,20 +327,20 @@ class Structure::CellMaker {
       double c = 0;
       for (int j = 0; j < 3; ++j) {
         row[i][j] = !round ? frame.row[i][j] : i == j ? norm(frame.row[0]) : 0;
-        c += row[i][j] * (centre[j] - frame.offset[j]);
+        c += row[i][j] * (centre_[j] - frame.offset[j]);
       }
       if (kind == AtomKind::Wall && i == 2) c -= wall_origin(frame);
       in_frame[i] = c;
       if (i < first || i >= end) continue;
       // A wall feels an error of z by its slope only. A round torus feels that of its axis besides.
       const double weight = kind == AtomKind::Wall && i == 2 ? std::fabs(frame.shape[1]) : 1;
-      const double extent = norm(row[i]) * reach + std::fabs(c);
+      const double extent = norm(row[i]) * reach_ + std::fabs(c);
       const double roundings = kind == AtomKind::Torus ? 16 : 8;
       error = std::hypot(error, weight * (roundings * kFloat * extent + norm(row[i]) * scale_.band));
       far = std::hypot(far, extent);
     }
-    error += 0x1p-48 * leaf.condition;                              // kernels, and the search in double
-    if (round) error += 6 * skewness(leaf.local_from_world) * far;  // lengths', and a torus feels their squares'
+    error += 0x1p-48 * leaf.condition;  // kernels, and the search in double
+    if (round) error += error_if_round(frame);
 
     atoms_.push_back({kind,
                       static_cast<std::uint32_t>(number) | static_cast<std::uint32_t>(first) << kLeafBits,
@@ -349,7 +363,7 @@ class Structure::CellMaker {
     if (leaf.kind == Kind::Torus) {
       // The line may be off by `error`; that costs the slope at the surface, 8 r. The rest is rounding of the
       // quartic's coefficients, of which the first is small where the torus is near.
-      const double minor = leaf.size[1] / leaf.size[0], along = norm(row[0]) * reach;
+      const double minor = leaf.size[1] / leaf.size[0], along = norm(row[0]) * reach_;
       const double near = 1.5 * along + minor;
       if (round) {
         add(row[0][0]);
@@ -358,7 +372,7 @@ class Structure::CellMaker {
       add_error(12 * minor * error + 4 * kFloat * (16 * near * near + 6 * far * (far * far + 3) * along));
       add(minor);
       // A tube hardly thicker than the window has no slope to speak of.
-      if (minor < 16 * static_cast<double>(cell.window) * norm(row[0])) trusted_ = false;
+      if (minor < 16 * window_ * norm(row[0])) trusted_ = false;
     } else {
       error = (kind == AtomKind::Wall ? 4 : 1) * error + (round ? 8 : 4) * kFloat;
       add_error(error);
@@ -377,6 +391,8 @@ class Structure::CellMaker {
   std::vector<Box> bounds_;
   std::vector<TreeNode> kept_, localized_;
   // Of the cell:
+  Vec3 centre_;
+  double reach_ = 0, window_ = 0;  // from the centre to what is farthest; how far behind a crossing
   bool trusted_ = true;
   std::vector<MadeAtom> atoms_;
   std::vector<std::uint8_t> behind_;

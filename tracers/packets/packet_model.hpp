@@ -37,7 +37,7 @@ inline constexpr int kLeafBits = 30;
 ///     complements are enough. Operands come first; the last operator is the root, which feeds itself. 8 bits, and as
 ///     many to spare as fill up 32;
 ///   the atoms' floats: kind by kind, and of a kind all atoms' first floats, then all second ones.
-/// All of it is fetched at once.
+/// It is one piece, so that a lone ray can ask for it ahead.
 struct Cell {
   float centre[3];    ///< from the middle of the world
   float lo[3], side;  ///< of the octree's cell, from the centre

@@ -7,7 +7,7 @@
 namespace csg {
 namespace {
 
-constexpr int kAcross = 64, kDown = 16;  // of a tile, whose bytes of a row are a line of the cache
+constexpr int kAcross = 64, kDown = 16;  // of a tile: bytes of its rows are lines of the cache, in most pictures
 constexpr int kBlock = 4;
 
 /// Calls `visit(column, row)` for the tile at (x0, y0), block by block, so that neighbours stand together.
@@ -30,7 +30,6 @@ class TileRenderer {
         count_(count),
         shadow_offset_(tracer.tree().tolerances().shadow_offset(view.eye)) {}
 
-  /// Writes every pixel of the tile, whatever the picture held there.
   void draw(int x, int y) {
     primary(x, y);
     for (std::size_t light = 0; light < view_.lights.size(); ++light) shadows(light);
@@ -176,6 +175,8 @@ std::uint64_t Picture::hash() const {
 }
 
 void render(const Tracer& tracer, const View& view, Picture& picture, Counters* counters, int threads) {
+  if (picture.width != view.width || picture.height != view.height)
+    throw std::invalid_argument("picture: not of the view's size");
   if (view.lights.size() > 8) throw std::invalid_argument("view: at most 8 lights");
   const int columns = (view.width + kAcross - 1) / kAcross, rows = (view.height + kDown - 1) / kDown;
   std::vector<TileRenderer> renderers(static_cast<std::size_t>(std::clamp(threads, 1, columns * rows)),

@@ -3,10 +3,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "plane.hpp"
+#include "../large_pages.hpp"
 #include "view.hpp"
 
 namespace csg {
+
+/// Values of height × width pixels, row by row from the top.
+template <class T>
+using Plane = std::vector<T, LargePages<T>>;
 
 /// Made before it is drawn: what the system takes to clear as much memory is no scheme's time.
 struct Picture {

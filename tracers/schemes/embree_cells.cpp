@@ -6,7 +6,8 @@
 // tells by itself whether the ray has passed a boundary before. The nearest hit of all cells is the
 // hit. Where a surface lies so close to a cell's wall that its tie band reaches across it, the ray is
 // traced again through the octree, in order (hit_rule.hpp): rare, and the same answer by definition.
-//   d, h, build_threads, budget_mb   limits of the octree, as for sdsm.
+//   d, h, budget_mb   limits of the octree, as for sdsm.
+//   build_threads     of the octree and of Embree.
 #include "../structures/embree.hpp"
 #include "../structures/octree.hpp"
 #include "../structures/parallel.hpp"

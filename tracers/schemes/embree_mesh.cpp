@@ -4,6 +4,9 @@
 // stated number of segments) and Embree traces them, as single rays or as coherent packets of 16. Depth,
 // normal and outline are wrong by the tessellation; the time to make the mesh is reported beside the time
 // to build. Packets are native where the machine has AVX-512; elsewhere Embree splits them.
+//   segments        of a full circle in the mesh.
+//   packet          16 | 1: rays that Embree is given at once.
+//   build_threads   of Embree's build; Manifold takes all cores.
 #include "../params.hpp"
 #include "../structures/embree.hpp"
 #include "../structures/parallel.hpp"

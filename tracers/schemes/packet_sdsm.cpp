@@ -4,6 +4,7 @@
 // its end), the boxes above it are refitted, and primitives are split into atoms, so that a cell keeps the side
 // of a cylinder without its caps. Packets find the leaf that is crossed first; the crossing itself is the
 // leaf's own kernel's. Rays of which the floats are not sure go through the octree as in sdsm.
+//   d, h, build_threads, budget_mb   as for sdsm.
 //   boxes         tight | cells: shrunk, or as the octree has them.
 //   packet        16 | 1: rays that go together. With 1 each goes alone, and tests eight boxes or 16 atoms at once.
 //   instructions  avx512 | avx2 | sse4: no wider than these.

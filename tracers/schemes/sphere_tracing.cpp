@@ -1,5 +1,4 @@
 // Sphere tracing: marching by signed distance bounds (Hart 1996), the common way to draw CSG that is
-// never intersected. Inexact: its tolerance is fixed, a part of the model's size.
 // never intersected. Inexact: it stops at a tolerance, a stated part of the model's size.
 // A leaf's bound is its local signed distance times the smallest stretch of its transform; a union
 // takes the least of its children's, an intersection the greatest, a complement changes the sign. No

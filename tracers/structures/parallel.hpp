@@ -14,7 +14,7 @@ namespace csg {
 /// The declaration of how many threads build, for schemes where several can.
 inline ParamSpec build_threads_param() {
   return {.name = "build_threads",
-          .meaning = "that build the structure, the same whatever their number; 0: one a core",
+          .meaning = "that build, to the same answers whatever their number; 0: one a core",
           .default_value = 1L,
           .minimum = 0,
           .maximum = 256,

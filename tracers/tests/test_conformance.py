@@ -53,8 +53,9 @@ def assert_same(tree, name: str, params: dict, tracer, rays: np.ndarray, expecte
         got = tracer.trace(rays[i : i + 1])
         pytest.fail(
             f"{name} {params}: {len(wrong)} of {len(rays)} rays differ; the first:"
-            f" ray {rays[i].tolist()} naive t={expected.t[i].hex()} leaf={expected.leaf[i]},"
-            f" got t={got.t[0].hex()} leaf={got.leaf[0]}; {tree.halfspaces} halfspaces"
+            f" ray {rays[i].tolist()} naive t={expected.t[i].hex()} leaf={expected.leaf[i]}"
+            f" normal={expected.normal[i].tolist()}, got t={got.t[0].hex()} leaf={got.leaf[0]}"
+            f" normal={got.normal[0].tolist()}; {tree.halfspaces} halfspaces"
         )
     blocked = tracer.occluded(rays)
     assert np.array_equal(blocked.astype(bool), expected.leaf >= 0), (

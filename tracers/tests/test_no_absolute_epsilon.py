@@ -16,7 +16,6 @@ EXPLAINED = {
     ("bench/kernels.cpp", "0x1p-20"): "of the radius: how near the benchmark's lines graze",
     ("packets/spans.hpp", "0x1p-46"): "of a torus whose major radius is 1: rounding in double",
     ("packets/build.cpp", "0x1p-48"): "of the leaf, whose size is 1 there: rounding in double",
-    ("packets/build.cpp", "0x1p-18"): "of a map: how skew an atom may be and still be round",
     ("packets/build.cpp", "0x1p-8"): "of the leaf, too: a float wrong by more is not asked",
     ("packets/build.hpp", "0x1p-4"): "of half a cell's side: the margin of what a tree holds for",
     ("packets/build.hpp", "0x1p-3"): "the same in float32",
