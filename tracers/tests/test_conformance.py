@@ -157,6 +157,35 @@ def test_spheres_and_tori_that_are_almost_round(precision: str) -> None:
         check_tree(tree, rng, 800, lambda s, n=number: [grid(s)[n % len(grid(s))]], precision)
 
 
+def test_small_spheres_that_are_grazed() -> None:
+    """A compiler dropped the rounding of a cell's centre, by which its atoms are placed: rays that
+    went through a thousandth of the sphere's radius, or less, missed it."""
+    for number in range(60):
+        rng = np.random.default_rng([number, 392])
+        solid, spheres = Solid(), []
+        for _ in range(2):
+            centre, radius = rng.uniform(-0.7, 0.7, 3), 10 ** rng.uniform(-4, -3)
+            spheres.append((centre, radius, solid.leaf("sphere", [radius], placed(*centre))))
+        tree = solid.tree([UNION, *(leaf for _, _, leaf in spheres)])
+        rays = []
+        for centre, radius, _ in spheres:
+            out, along = rng.normal(size=(2, 1000, 3))
+            out /= np.linalg.norm(out, axis=1)[:, None]
+            along = np.cross(out, along)
+            along /= np.linalg.norm(along, axis=1)[:, None]
+            depth = 10 ** rng.uniform(-10, -4, 1000)
+            origin = centre + (radius * (1 - depth))[:, None] * out - along
+            rays.append(np.column_stack([origin, along, np.zeros(1000), np.full(1000, np.inf)]))
+        rays = np.ascontiguousarray(np.concatenate(rays))
+        expected = tracers.make("naive", tree).trace(rays)
+        assert (expected.leaf >= 0).mean() > 0.99
+        for scheme in EXACT:
+            names = {p.name for p in scheme.parameters}
+            params = {"d": 3, "h": 1} if {"d", "h"} <= names else {}
+            tracer = tracers.make(scheme.name, tree, params)
+            assert_same(tree, scheme.name, params, tracer, rays, expected)
+
+
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_far_rays_meet_an_ill_conditioned_solid(precision: str) -> None:
     """The pad made the world so large that a ray moved to it was still too far, and missed."""
