@@ -131,7 +131,9 @@ def trace(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A .png to look at, or an .exr.")
     ] = None,
-    threads: Annotated[int, typer.Option(min=0, help="Threads that trace; 0: one a core.")] = 1,
+    threads: Annotated[
+        int, typer.Option(min=0, max=1024, help="Threads that trace; 0: one a core.")
+    ] = 1,
 ) -> None:
     """Trace one picture and say what it took.
 
@@ -417,6 +419,9 @@ def main() -> None:
         message = error.format_message().rstrip(".")
         if message:  # else there was no command, and its help was shown
             err.print(f"{where}: {message} (see {where} --help)", style="red", markup=False)
+        sys.exit(2)
+    except OSError as error:  # help that cannot be written
+        err.print(f"csgbench: {error}", style="red", markup=False)
         sys.exit(2)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 
@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 PIPED = 200  # columns where there is no terminal, that tables are whole
 
-out = Console(soft_wrap=True, highlight=False, width=None if sys.stdout.isatty() else PIPED)
+
+def _is_terminal(stream: TextIO | None) -> bool:
+    return stream is not None and stream.isatty()  # none: it was closed
+
+
+out = Console(soft_wrap=True, highlight=False, width=None if _is_terminal(sys.stdout) else PIPED)
 err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 

@@ -170,6 +170,7 @@ def test_a_picture_of_nothing_is_warned_of(tmp_path):
         (["trace"], "csgbench trace: Missing argument 'model'"),
         (["trace", "ball", "--sort"], "csgbench trace: No such option: --sort"),
         (["sweep", "--seed", "x"], "csgbench sweep: Invalid value for '--seed'"),
+        (["trace", "ball", "--threads", f"{1 << 31}"], "csgbench trace: Invalid value for '--th"),
     ],
 )
 def test_misuse_is_one_line_that_says_where_help_is(arguments, message, monkeypatch, capsys):

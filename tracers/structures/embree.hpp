@@ -3,6 +3,7 @@
 #pragma once
 #include <embree3/rtcore.h>
 
+#include <atomic>
 #include <stdexcept>
 #include <vector>
 
@@ -74,11 +75,11 @@ class EmbreeScene {
 
  private:
   static bool count_bytes(void* sum, ssize_t bytes, bool) {
-    *static_cast<ssize_t*>(sum) += bytes;
+    *static_cast<std::atomic<ssize_t>*>(sum) += bytes;
     return true;
   }
 
-  ssize_t bytes_ = 0;
+  std::atomic<ssize_t> bytes_ = 0;  // several threads build
   RTCDevice device_;
   RTCScene scene_;
   RTCGeometry geometry_;
