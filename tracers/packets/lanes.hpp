@@ -96,9 +96,15 @@ inline Wide<Scalar> max(const Wide<Scalar>& a, const Wide<Scalar>& b) {
   return each<Scalar>([](auto x, auto y) { return x > y ? x : y; }, a, b);
 }
 
+/// `yes` where a < b, else `no`: with no mask between, which costs most where a mask is no register of its own.
+inline F select_less(const F& a, const F& b, const F& yes, const F& no) {
+  return each<float>([](auto x, auto y, auto p, auto q) { return x < y ? p : q; }, a, b, yes, no);
+}
+
 using FloatRegister = F::Register;
 using IntRegister = I::Register;
 using DoubleRegister = D::Register;
+using LongRegister = Wide<std::int64_t>::Register;
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
 inline Mask less(const F& a, const F& b) {
@@ -109,6 +115,19 @@ inline Mask at_most(const F& a, const F& b) {
 }
 inline Mask less(const D& a, const D& b) {
   return bits([](auto x, auto y) { return _mm512_cmp_pd_mask(x, y, _CMP_LT_OQ); }, a, b);
+}
+/// a ≤ x < b, and a ≤ x ≤ b.
+inline Mask within(const F& a, const F& x, const F& b) {
+  const auto one = [](auto p, auto q, auto r) {
+    return _mm512_mask_cmp_ps_mask(_mm512_cmp_ps_mask(p, q, _CMP_LE_OQ), q, r, _CMP_LT_OQ);
+  };
+  return bits(one, a, x, b);
+}
+inline Mask between(const F& a, const F& x, const F& b) {
+  const auto one = [](auto p, auto q, auto r) {
+    return _mm512_mask_cmp_ps_mask(_mm512_cmp_ps_mask(p, q, _CMP_LE_OQ), q, r, _CMP_LE_OQ);
+  };
+  return bits(one, a, x, b);
 }
 inline F select(Mask m, const F& yes, const F& no) {
   return {{_mm512_mask_blend_ps(static_cast<__mmask16>(m), no.part[0], yes.part[0])}};
@@ -127,10 +146,12 @@ inline D root(const D& a) {
 #else
 #if defined(__AVX2__)
 inline Mask signs(IntRegister m) { return static_cast<Mask>(_mm256_movemask_ps((__m256)m)); }
+inline Mask signs(LongRegister m) { return static_cast<Mask>(_mm256_movemask_pd((__m256d)m)); }
 inline FloatRegister root_of(FloatRegister x) { return _mm256_sqrt_ps(x); }
 inline DoubleRegister root_of(DoubleRegister x) { return _mm256_sqrt_pd(x); }
 #else
 inline Mask signs(IntRegister m) { return static_cast<Mask>(_mm_movemask_ps((__m128)m)); }
+inline Mask signs(LongRegister m) { return static_cast<Mask>(_mm_movemask_pd((__m128d)m)); }
 inline FloatRegister root_of(FloatRegister x) { return _mm_sqrt_ps(x); }
 inline DoubleRegister root_of(DoubleRegister x) { return _mm_sqrt_pd(x); }
 #endif
@@ -141,9 +162,14 @@ inline Mask at_most(const F& a, const F& b) {
   return bits([](auto x, auto y) { return signs(x <= y); }, a, b);
 }
 inline Mask less(const D& a, const D& b) {
-  Mask out = 0;
-  for (int i = 0; i < kLanes; ++i) out |= static_cast<Mask>(a[i] < b[i]) << i;
-  return out;
+  return bits([](auto x, auto y) { return signs(x < y); }, a, b);
+}
+/// a ≤ x < b, and a ≤ x ≤ b.
+inline Mask within(const F& a, const F& x, const F& b) {
+  return bits([](auto p, auto q, auto r) { return signs((p <= q) & (q < r)); }, a, x, b);
+}
+inline Mask between(const F& a, const F& x, const F& b) {
+  return bits([](auto p, auto q, auto r) { return signs((p <= q) & (q <= r)); }, a, x, b);
 }
 /// All ones in the lanes of a mask.
 template <class Scalar>
@@ -169,10 +195,11 @@ inline Wide<Scalar> root(const Wide<Scalar>& a) {
 inline F magnitude(const F& a) {
   return each<float>([](auto x) { return (FloatRegister)((IntRegister)x & 0x7fffffff); }, a);
 }
+constexpr auto kSignBit = static_cast<std::int32_t>(0x80000000);
 /// |a| kept from 0, with its sign: for divisors.
 inline F away_from_zero(const F& a) {
   const auto one = [](auto x, auto size) {
-    return (FloatRegister)((IntRegister)size | ((IntRegister)x & static_cast<std::int32_t>(0x80000000)));
+    return (FloatRegister)((IntRegister)size | ((IntRegister)x & kSignBit));
   };
   return each<float>(one, a, max(magnitude(a), all(1e-20f)));
 }

@@ -43,7 +43,7 @@ struct Parts {
 /// The membership of each ray at `s`, by the cell's operators; more bits than there are rays.
 inline Mask inside_at(const Cell& cell, const Parts& parts, const Spans& spans, F s) {
   const int atoms = atoms_in(cell);
-  const auto atom_at = [&](int i) { return at_most(spans.lo[i], s) & less(s, spans.hi[i]); };
+  const auto atom_at = [&](int i) { return within(spans.lo[i], s, spans.hi[i]); };
   const auto flip_of = [](std::uint8_t feed) { return Mask{0} - (feed & 1u); };
   if (cell.operators == 1) {
     Mask value = 0;
@@ -69,7 +69,7 @@ inline F next_growth(const Cell& cell, const Spans& spans, F s) {
   F next = all(kNever);
   for (int i = 0; i < atoms_in(cell); ++i) {
     const F event = cell.negative >> i & 1 ? spans.hi[i] : spans.lo[i];
-    next = select(less(s, event), min(next, event), next);
+    next = select_less(s, event, min(next, event), next);
   }
   return next;
 }
@@ -89,7 +89,7 @@ class LoneSpans {
   /// Whether the ray is in the solid at `s`, by the cell's operators.
   bool inside_at(const Parts& parts, float s) const {
     const std::uint64_t set =
-        each([&](int i) { return at_most(load(lo_ + i), all(s)) & less(all(s), load(hi_ + i)); }) ^ cell_.flipped;
+        each([&](int i) { return within(load(lo_ + i), all(s), load(hi_ + i)); }) ^ cell_.flipped;
     std::uint64_t fed[kMostOperators / 64] = {};  // operators of which another is an operand, and holds
     const auto value = [&](int i) -> std::uint64_t {
       return (((set & parts.operands[i]) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (parts.operator_feeds[i] & 1u);
@@ -114,10 +114,10 @@ class LoneSpans {
 
   /// The one atom that is crossed between, if there is one and it is crossed once; else none, which is −1.
   int crossed_once(float from, float to) const {
-    const auto between = [&](const float* s) {
-      return each([&](int i) { return at_most(all(from), load(s + i)) & at_most(load(s + i), all(to)); }) & there_;
+    const auto among = [&](const float* s) {
+      return each([&](int i) { return between(all(from), load(s + i), all(to)); }) & there_;
     };
-    const std::uint64_t low = between(lo_), high = between(hi_), crossed = low | high;
+    const std::uint64_t low = among(lo_), high = among(hi_), crossed = low | high;
     const bool once = crossed != 0 && (crossed & (crossed - 1)) == 0 && (low & high) == 0;
     return once ? __builtin_ctzll(crossed) : -1;
   }

@@ -78,15 +78,17 @@ inline float magnitude(float x) { return __builtin_fabsf(x); }
 inline F in_lanes(float x) { return all(x); }
 inline F in_lanes(const F& x) { return x; }
 
+/// 1 with the sign of x.
+inline float sign_of(float x) { return __builtin_copysignf(1, x); }
+inline F sign_of(const F& x) {
+  return each<float>([](auto one) { return (FloatRegister)(((IntRegister)one & kSignBit) | 0x3f800000); }, x);
+}
+
 /// Where an atom ends because of rounding: as a larger atom if it adds to the solid, else as a smaller. An atom's
 /// error is below 0 if it is `negative`.
 template <class Number>
 inline Number rounded_size(const Number& error) {
   return 1.0f + error;
-}
-template <class Number>
-inline Mask is_negative(const Number& error) {
-  return less(in_lanes(error), F{});
 }
 /// Below this speed towards the surface, rounding may move a crossing by W/2.
 template <class Number>
@@ -118,9 +120,8 @@ template <class Number>
 [[gnu::always_inline]] inline void chord(const F& middle, const F& square, const F& rounding, const Number& graze,
                                          const Number& touch, const Passage& in, Doubts& doubts, F& lo, F& hi) {
   const F half = root(max(square, F{})) + rounding;
-  const Mask met = less(F{}, square);
-  lo = select(met, middle - half, all(kNever));
-  hi = select(met, middle + half, all(-kNever));
+  lo = select_less(F{}, square, middle - half, all(kNever));
+  hi = select_less(F{}, square, middle + half, all(-kNever));
   const Mask grazed = in.lanes & less(magnitude(square), max(in_lanes(graze), in_lanes(touch)));
   if (grazed) [[unlikely]] {
     const F most = root(max(square, F{}) + 2.0f * touch) + magnitude(rounding);
@@ -152,8 +153,8 @@ template <int axes, class Read>
     distance += across * across;
   }
   // Along the axis the middle may be far away, and rounded as coarsely.
-  const F outwards = 0x1p-21f * magnitude(middle);
-  chord(middle, (size * size - distance) * inverse, select(is_negative(error), -outwards, outwards),
+  const F outwards = magnitude(middle) * (0x1p-21f * sign_of(error));
+  chord(middle, (size * size - distance) * inverse, outwards,
         inverse * inverse * (graze * graze), inverse * touch(error), in, doubts, lo, hi);
 }
 
@@ -218,10 +219,10 @@ inline void wall_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& hi
   const F c = x[0] * x[0] + x[1] * x[1] - w * w;
   // Rounding as a longer way inside for an atom that adds to the solid: between the roots, or outside of them.
   const Mask steep = less(a, F{}), opens = less(F{}, dw);
-  const F longer = 0x1p-21f * (b * b + magnitude(a * c));
-  const F inside = b * b - a * c + select(is_negative(error) ^ steep, -longer, longer);
+  const F longer = (b * b + magnitude(a * c)) * (0x1p-21f * sign_of(error));
+  const F inside = b * b - a * c + select(steep, -longer, longer);
   const F square = root(max(inside, F{}));
-  const F q = away_from_zero(-(b + select(less(b, F{}), -square, square)));
+  const F q = away_from_zero(-(b + select_less(b, F{}, -square, square)));
   const F s = q / away_from_zero(a), t = c / q;
   const F first = min(s, t), second = max(s, t);
   const Mask met = less(F{}, inside) & less(F{}, 2.0f * w + dw * (first + second));
@@ -241,45 +242,49 @@ struct Quartic {
   F slope(F s) const { return c[1] + s * (2.0f * c[2] + s * (3.0f * c[3] + s * (4.0f * c[4]))); }
   F bend(F s) const { return 2.0f * c[2] + s * (6.0f * c[3] + s * (12.0f * c[4])); }
 
-  /// Signs of the Bernstein coefficients over [m − w, m + w]: which lanes are certainly above 0, and
-  /// certainly below; and which change sign once.
-  void signs(F m, F w, F slack, Mask& above, Mask& below, Mask& once) const {
-    const F c4 = c[4], c3 = c[3] + 4.0f * m * c4, c2 = c[2] + m * (3.0f * c[3] + 6.0f * m * c4);
-    const F c1 = slope(m), c0 = at(m);
-    const F w2 = w * w, a1 = c1 * w, a2 = c2 * w2, a3 = c3 * w2 * w, a4 = c4 * w2 * w2;
-    const F even = c0 + a2 + a4, odd = a1 + a3, even1 = c0 - a4, odd1 = 0.5f * (a1 - a3);
-    const F b[5] = {even - odd, even1 - odd1, c0 - (1.0f / 3) * a2 + a4, even1 + odd1, even + odd};
-    Mask positive[5], negative[5];
-    above = below = 0xffff;
-    for (int i = 0; i < 5; ++i) {
-      positive[i] = less(slack, b[i]);
-      negative[i] = less(b[i], -slack);
-      above &= positive[i];
-      below &= negative[i];
+  /// The same about `m`: g(m + s).
+  Quartic about(F m) const {
+    return {{at(m), slope(m), c[2] + m * (3.0f * c[3] + 6.0f * (m * c[4])), c[3] + 4.0f * (m * c[4]), c[4]}};
+  }
+
+  /// Its Bernstein coefficients over [−w, w], which enclose its values there.
+  struct Bernstein {
+    F b[5];
+
+    Mask above(F slack) const { return less(slack, min(min(min(b[0], b[1]), min(b[2], b[3])), b[4])); }
+    Mask below(F slack) const { return less(max(max(max(b[0], b[1]), max(b[2], b[3])), b[4]), -slack); }
+
+    /// Which change sign once, whatever an uncertain coefficient stands for: it may only stand at the turn.
+    Mask once(F slack) const {
+      Mask positive[5], negative[5];
+      for (int i = 0; i < 5; ++i) positive[i] = less(slack, b[i]), negative[i] = less(b[i], -slack);
+      Mask down = positive[0] & negative[4], up = negative[0] & positive[4];
+      for (int i = 0; i < 4; ++i) {
+        down &= positive[i] | negative[i + 1];
+        up &= negative[i] | positive[i + 1];
+      }
+      return down | up;
     }
-    // The sign changes once whatever an uncertain coefficient stands for: it may only stand at the turn.
-    Mask down = positive[0] & negative[4], up = negative[0] & positive[4];
-    for (int i = 0; i < 4; ++i) {
-      down &= positive[i] | negative[i + 1];
-      up &= negative[i] | positive[i + 1];
-    }
-    once = down | up;
+  };
+  Bernstein over(F w) const {
+    const F w2 = w * w, a1 = c[1] * w, a2 = c[2] * w2, a3 = c[3] * w2 * w, a4 = c[4] * w2 * w2;
+    const F even = c[0] + a2 + a4, odd = a1 + a3, even1 = c[0] - a4, odd1 = 0.5f * (a1 - a3);
+    return {{even - odd, even1 - odd1, c[0] - (1.0f / 3) * a2 + a4, even1 + odd1, even + odd}};
   }
 
   /// The root in [lo, hi], where the sign changes once, from the chord: Newton, halving where it leaves the bracket,
   /// until the rays `of` are near enough.
   F root_in(F lo, F hi, F enough, Mask of) const {
-    const F at_lo = at(lo), at_hi = at(hi);
-    const Mask falls = less(F{}, at_lo);
+    const F at_lo = at(lo), at_hi = at(hi), falls = sign_of(at_lo);
     F s = lo + (hi - lo) * (at_lo / away_from_zero(at_lo - at_hi));
     for (int step = 0; step < 12; ++step) {
       const F value = at(s);
       if (!(of & less(enough, magnitude(value)))) break;
-      const Mask behind = ~(less(F{}, value) ^ falls);  // the root lies behind s
-      lo = select(behind, s, lo);
-      hi = select(behind, hi, s);
+      const F behind = value * falls;  // above 0 if the root lies behind s
       const F next = s - value / away_from_zero(slope(s));
-      s = select(at_most(lo, next) & at_most(next, hi), next, 0.5f * (lo + hi));
+      lo = select_less(F{}, behind, s, lo);
+      hi = select_less(F{}, behind, hi, s);
+      s = select(between(lo, next, hi), next, 0.5f * (lo + hi));
     }
     return s;
   }
@@ -326,7 +331,7 @@ inline void torus_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& h
   const Across on = kind == AtomKind::Torus ? across_round(read, in, middle) : across_skew(read, in, middle);
   // What the quartic's value may be wrong by, and the minor radius.
   const auto error = read(), minor = read();
-  const F outwards = select(is_negative(error), all(-1.0f), all(1.0f));
+  const F outwards = in_lanes(sign_of(error));
   const F q0 = dot3(on.x, on.x), q1 = 2.0f * dot3(on.x, on.v), q2 = dot3(on.v, on.v);
   const F alpha = q0 + on.z * on.z + (1.0f - minor * minor);
   const F beta = q1 + 2.0f * (on.z * on.vz), gamma = q2 + on.vz * on.vz;
@@ -339,16 +344,17 @@ inline void torus_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& h
   g.c[3] = 2.0f * beta * gamma;
   g.c[4] = gamma * gamma;
   const F slack = in_lanes(magnitude(error));
-  Mask above, below, once;
-  g.signs(F{}, wide, slack, above, below, once);
+  const Quartic::Bernstein whole = g.over(wide);
+  const Mask below = whole.below(slack);
   lo = select(below, all(-kNever), all(kNever));
-  hi = select(below, all(kNever), all(-kNever));
-  Mask todo = in.lanes & ~(above | below);
+  hi = -lo;
+  const Mask todo = in.lanes & ~(whole.above(slack) | below);
   if (!todo) return;
   F left = -wide, right = wide;
-  Mask told = once & todo, two = 0;
-  const Mask rises = less(g.at(-wide), F{});  // starts inside
-  Mask rest = todo & ~once;
+  const Mask told = whole.once(slack) & todo;
+  Mask two = 0;
+  const Mask rises = less(whole.b[0], F{});  // starts inside
+  Mask rest = todo & ~told;
   F lowest = F{};
   if (rest) {
     // Look for a place inside, or for proof that there is none, on either side of the lowest point.
@@ -356,13 +362,10 @@ inline void torus_span(Read read, const Passage& in, Doubts& doubts, F& lo, F& h
       const F by = g.slope(lowest) / max(magnitude(g.bend(lowest)), all(1e-12f));
       lowest = min(max(lowest - by, left), right);
     }
-    const F m1 = 0.5f * (left + lowest), w1 = 0.5f * (lowest - left), m2 = 0.5f * (lowest + right),
-            w2 = 0.5f * (right - lowest);
-    Mask above1, below1, once1, above2, below2, once2;
-    g.signs(m1, w1, slack, above1, below1, once1);
-    g.signs(m2, w2, slack, above2, below2, once2);
-    rest &= ~(above1 & above2);
-    two = rest & once1 & once2 & less(g.at(lowest), -slack) & ~rises;
+    const auto part = [&](F from, F to) { return g.about(0.5f * (from + to)).over(0.5f * (to - from)); };
+    const Quartic::Bernstein before = part(left, lowest), behind = part(lowest, right);
+    rest &= ~(before.above(slack) & behind.above(slack));
+    if (rest) two = rest & before.once(slack) & behind.once(slack) & less(g.at(lowest), -slack) & ~rises;
     rest &= ~two;
   }
   // Where it is entered or left, outwards or inwards by what rounding may cost, as long as the slope says so.

@@ -291,8 +291,7 @@ class Walker {
       Mask once = 0, twice = 0;
       I which = all<std::int32_t>(0);
       for (int i = 0; i < atoms; ++i) {
-        const Mask low = at_most(from, spans.lo[i]) & at_most(spans.lo[i], to_end);
-        const Mask high = at_most(from, spans.hi[i]) & at_most(spans.hi[i], to_end);
+        const Mask low = between(from, spans.lo[i], to_end), high = between(from, spans.hi[i], to_end);
         twice |= (once & (low | high)) | (low & high);
         once |= low | high;
         which = select(low | high, all<std::int32_t>(parts.leaf(i)), which);
