@@ -15,6 +15,11 @@ namespace csg::packets {
 /// enter by, and a 64th to an 8th to what floats may be wrong by.
 constexpr double margin_for(Precision precision) { return precision == Precision::Float64 ? 0x1p-4 : 0x1p-3; }
 
+/// How many were made: cells, those that floats are not trusted in, and atoms of the others.
+struct CellTally {
+  std::size_t cells, untrusted, atoms;
+};
+
 /// The model of a CsgTree for packets. Owns what Model points to.
 class Structure {
  public:
@@ -28,17 +33,13 @@ class Structure {
   void describe(std::map<std::string, double>& facts) const;
 
  private:
-  class CellMaker;
-  struct Made {
-    std::size_t cells, untrusted, atoms;
-  };
   void build(const CsgTree& tree, const Octree& octree, double margin, bool tight, std::size_t threads);
 
   std::vector<Node, LargePages<Node>> nodes_;
   std::vector<Line, LargePages<Line>> cells_;
   std::vector<Frame> frames_;
   Model model_{};
-  Made made_{};
+  CellTally made_{};
 };
 
 }  // namespace csg::packets

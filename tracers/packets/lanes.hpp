@@ -198,9 +198,7 @@ inline F magnitude(const F& a) {
 constexpr auto kSignBit = static_cast<std::int32_t>(0x80000000);
 /// |a| kept from 0, with its sign: for divisors.
 inline F away_from_zero(const F& a) {
-  const auto one = [](auto x, auto size) {
-    return (FloatRegister)((IntRegister)size | ((IntRegister)x & kSignBit));
-  };
+  const auto one = [](auto x, auto size) { return (FloatRegister)((IntRegister)size | ((IntRegister)x & kSignBit)); };
   return each<float>(one, a, max(magnitude(a), all(1e-20f)));
 }
 

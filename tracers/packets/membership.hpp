@@ -88,8 +88,7 @@ class LoneSpans {
 
   /// Whether the ray is in the solid at `s`, by the cell's operators.
   bool inside_at(const Parts& parts, float s) const {
-    const std::uint64_t set =
-        each([&](int i) { return within(load(lo_ + i), all(s), load(hi_ + i)); }) ^ cell_.flipped;
+    const std::uint64_t set = each([&](int i) { return within(load(lo_ + i), all(s), load(hi_ + i)); }) ^ cell_.flipped;
     std::uint64_t fed[kMostOperators / 64] = {};  // operators of which another is an operand, and holds
     const auto value = [&](int i) -> std::uint64_t {
       return (((set & parts.operands[i]) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (parts.operator_feeds[i] & 1u);

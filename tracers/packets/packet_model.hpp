@@ -24,7 +24,7 @@ struct alignas(64) Node {
 enum class AtomKind : std::uint8_t { Ball, Ellipsoid, Tube, Slab, Wall, Torus, SkewTorus };
 inline constexpr int kAtomKinds = 7;
 
-/// How many floats say what an atom of each kind is; spans.hpp says which.
+/// How many floats say what an atom of each kind is; quadric_spans.hpp and torus_span.hpp say which.
 inline constexpr int kFloatsOf[kAtomKinds] = {5, 13, 9, 5, 15, 9, 14};
 
 /// An atom's leaf, below so many bits for the axis of its frame that a slab is about.

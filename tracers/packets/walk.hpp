@@ -9,51 +9,11 @@
 // boundary lies within the window W behind, if no other atom is crossed near there and the surface is not
 // grazed. Else the ray is `unsure`, and is traced again by the scalar search.
 #pragma once
-#include "eight.hpp"
 #include "membership.hpp"
+#include "stack.hpp"
+#include "start.hpp"
 
 namespace {
-
-/// Where rays start and how fast they are, in units; those that are not `valid` end before.
-struct Start {
-  D at, speed;
-  Mask valid;
-};
-
-/// What is still to be visited of a lone ray's way, and its interval there.
-struct Stack {
-  static constexpr int kMost = 7 * 24 + 8;
-  std::int32_t link[kMost];
-  float enter[kMost], exit[kMost];
-  int top = 0;
-
-  /// Puts at `at` those of a node's boxes that the ray has an interval in, the first on top; says how many. Eight are
-  /// written, whatever is kept of them: no branch hangs on the answer.
-  int push(int at, const Eight& from, const Eight& to, const Node& node, int octant) {
-#if defined(__AVX512VL__)
-    const __m256i order = _mm256_xor_si256(_mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0), _mm256_set1_epi32(octant));
-    const __m256 first = _mm256_permutexvar_ps(order, (__m256)from.part[0]);
-    const __m256 last = _mm256_permutexvar_ps(order, (__m256)to.part[0]);
-    const __m256i links = _mm256_permutexvar_epi32(order, _mm256_load_si256((const __m256i*)node.link));
-    const __mmask8 met = _mm256_cmp_ps_mask(first, last, _CMP_LE_OQ);
-    _mm256_storeu_ps(enter + at, _mm256_maskz_compress_ps(met, first));
-    _mm256_storeu_ps(exit + at, _mm256_maskz_compress_ps(met, last));
-    _mm256_storeu_si256((__m256i*)(link + at), _mm256_maskz_compress_epi32(met, links));
-    return __builtin_popcount(met);
-#else
-    const unsigned met = at_most(from, to);
-    alignas(32) float first[8], last[8];
-    std::memcpy(first, &from, sizeof first);
-    std::memcpy(last, &to, sizeof last);
-    for (int i = 7; i >= 0; --i) {
-      const int box = i ^ octant;
-      link[at] = node.link[box], enter[at] = first[box], exit[at] = last[box];
-      at += met >> box & 1;
-    }
-    return __builtin_popcount(met);
-#endif
-  }
-};
 
 template <bool any, bool counting>
 class Walker {
@@ -450,37 +410,6 @@ class Walker {
   D t_ = all<double>(0), t_error_ = all<double>(0);
   I leaf_ = all<std::int32_t>(0);
 };
-
-inline Start set_out(const Model& model, const Rays& rays, Packet& packet) {
-  D column[8];
-  transpose(rays.first, rays.count, column);
-  const D dd = column[3] * column[3] + column[4] * column[4] + column[5] * column[5];
-  const D speed = root(dd), per_speed = all<double>(1) / speed;
-  D along = all<double>(0);
-  D distance = all<double>(0);
-  for (int axis = 0; axis < 3; ++axis) {
-    distance = distance + column[axis] * column[axis];
-    packet.d[axis] = column[3 + axis] * per_speed;
-    packet.o[axis] = (column[axis] - all<double>(model.centre[axis])) * all<double>(model.per_unit);
-    along = along + packet.o[axis] * packet.d[axis];
-  }
-  // From where it enters the ball around the world, or where it starts.
-  const D units = speed * all<double>(model.per_unit);
-  const D from = column[6] * units, enter = all<double>(-model.radius) - along;
-  const D start = max(from, enter), end = column[7] * units - start;
-  const double near = model.near / model.per_unit;
-  for (int axis = 0; axis < 3; ++axis) {
-    packet.o[axis] = packet.o[axis] + start * packet.d[axis];
-    packet.of[axis] = narrow(packet.o[axis]);
-    packet.df[axis] = narrow(packet.d[axis]);
-    packet.inverse[axis] = 1.0f / away_from_zero(packet.df[axis]);
-    packet.scaled[axis] = packet.of[axis] * packet.inverse[axis];
-  }
-  packet.end = narrow(end);
-  packet.in_world = ~less(from, enter);
-  packet.far = less(all<double>(near * near), distance);
-  return {start, units, less(column[6], column[7]) & ((1u << rays.count) - 1)};
-}
 
 /// Of the rays that have a boundary: what is unsure is none, and t in units of the rays' own.
 template <bool any, bool counting>
