@@ -62,10 +62,20 @@ def git_commit() -> str:
     return f"{commit}+" if commit and changed else commit or "none"
 
 
+def vectors() -> str:
+    """The widest registers that packets of rays can use; Embree's packets of 16 need AVX-512."""
+    has = set(_field("/proc/cpuinfo", "flags").split())
+    v3 = {"avx2", "fma", "bmi2"}
+    if v3 | {"avx512f", "avx512dq", "avx512vl", "avx512bw", "avx512cd"} <= has:
+        return "AVX-512"
+    return "AVX2" if v3 <= has else "SSE4.2"
+
+
 def machine() -> dict[str, Any]:
     """CPU, memory and system."""
     return {
         "cpu": _field("/proc/cpuinfo", "model name") or platform.processor(),
+        "vectors": vectors(),
         "cores": os.cpu_count(),
         "memory_bytes": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
         "kernel": platform.release(),

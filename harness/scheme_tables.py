@@ -212,7 +212,7 @@ def machine(results: Results) -> Table:
     sessions = results.rows.drop_duplicates("session").sort_values("session_started_utc")
     for session in sessions.to_dict("records"):
         about = json.loads(session["machine"])
-        for name in ("cpu", "cores", "memory_bytes", "system", "kernel"):
+        for name in ("cpu", "vectors", "cores", "memory_bytes", "system", "kernel"):
             note(name, about.get(name))
         for name in ("compiler", "flags", "git_commit", "code_version"):
             note(name, session[name])
