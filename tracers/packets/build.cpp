@@ -1,5 +1,8 @@
 #include "build.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "../structures/parallel.hpp"
 #include "node_maker.hpp"
 

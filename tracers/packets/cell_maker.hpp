@@ -1,6 +1,7 @@
 // Cells for packets, from those of an octree: shrunk, their trees made of unions of atoms.
 #pragma once
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <ranges>
 #include <span>

@@ -1,5 +1,6 @@
 // The frames of leaves, in units of a packet model.
 #pragma once
+#include <algorithm>
 #include <cmath>
 
 #include "../primitives/primitive.hpp"

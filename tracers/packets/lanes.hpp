@@ -117,13 +117,13 @@ inline Mask less(const D& a, const D& b) {
   return bits([](auto x, auto y) { return _mm512_cmp_pd_mask(x, y, _CMP_LT_OQ); }, a, b);
 }
 /// a ≤ x < b, and a ≤ x ≤ b.
-inline Mask within(const F& a, const F& x, const F& b) {
+inline Mask in_half_open(const F& a, const F& x, const F& b) {
   const auto one = [](auto p, auto q, auto r) {
     return _mm512_mask_cmp_ps_mask(_mm512_cmp_ps_mask(p, q, _CMP_LE_OQ), q, r, _CMP_LT_OQ);
   };
   return bits(one, a, x, b);
 }
-inline Mask between(const F& a, const F& x, const F& b) {
+inline Mask in_closed(const F& a, const F& x, const F& b) {
   const auto one = [](auto p, auto q, auto r) {
     return _mm512_mask_cmp_ps_mask(_mm512_cmp_ps_mask(p, q, _CMP_LE_OQ), q, r, _CMP_LE_OQ);
   };
@@ -165,10 +165,10 @@ inline Mask less(const D& a, const D& b) {
   return bits([](auto x, auto y) { return signs(x < y); }, a, b);
 }
 /// a ≤ x < b, and a ≤ x ≤ b.
-inline Mask within(const F& a, const F& x, const F& b) {
+inline Mask in_half_open(const F& a, const F& x, const F& b) {
   return bits([](auto p, auto q, auto r) { return signs((p <= q) & (q < r)); }, a, x, b);
 }
-inline Mask between(const F& a, const F& x, const F& b) {
+inline Mask in_closed(const F& a, const F& x, const F& b) {
   return bits([](auto p, auto q, auto r) { return signs((p <= q) & (q <= r)); }, a, x, b);
 }
 /// All ones in the lanes of a mask.

@@ -1,7 +1,7 @@
 // Of rays in a cell: which are in the solid, and where next they may pass into it. For a packet, atom by atom; for one
 // ray, by a bit an atom.
 #pragma once
-#include "spans.hpp"
+#include "passage.hpp"
 
 namespace {
 
@@ -43,7 +43,7 @@ struct Parts {
 /// The membership of each ray at `s`, by the cell's operators; more bits than there are rays.
 inline Mask inside_at(const Cell& cell, const Parts& parts, const Spans& spans, F s) {
   const int atoms = atoms_in(cell);
-  const auto atom_at = [&](int i) { return within(spans.lo[i], s, spans.hi[i]); };
+  const auto atom_at = [&](int i) { return in_half_open(spans.lo[i], s, spans.hi[i]); };
   const auto flip_of = [](std::uint8_t feed) { return Mask{0} - (feed & 1u); };
   if (cell.operators == 1) {
     Mask value = 0;
@@ -88,7 +88,8 @@ class LoneSpans {
 
   /// Whether the ray is in the solid at `s`, by the cell's operators.
   bool inside_at(const Parts& parts, float s) const {
-    const std::uint64_t set = each([&](int i) { return within(load(lo_ + i), all(s), load(hi_ + i)); }) ^ cell_.flipped;
+    const std::uint64_t set =
+        each([&](int i) { return in_half_open(load(lo_ + i), all(s), load(hi_ + i)); }) ^ cell_.flipped;
     std::uint64_t fed[kMostOperators / 64] = {};  // operators of which another is an operand, and holds
     const auto value = [&](int i) -> std::uint64_t {
       return (((set & parts.operands[i]) != 0) | (fed[i / 64] >> i % 64 & 1)) ^ (parts.operator_feeds[i] & 1u);
@@ -114,7 +115,7 @@ class LoneSpans {
   /// The one atom that is crossed between, if there is one and it is crossed once; else none, which is −1.
   int crossed_once(float from, float to) const {
     const auto among = [&](const float* s) {
-      return each([&](int i) { return between(all(from), load(s + i), all(to)); }) & there_;
+      return each([&](int i) { return in_closed(all(from), load(s + i), all(to)); }) & there_;
     };
     const std::uint64_t low = among(lo_), high = among(hi_), crossed = low | high;
     const bool once = crossed != 0 && (crossed & (crossed - 1)) == 0 && (low & high) == 0;

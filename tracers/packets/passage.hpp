@@ -1,6 +1,6 @@
-// A ray's part in a cell, as what meets it there sees it: in floats, from the point of the ray nearest the cell's
-// centre. A lane is a ray of a packet that meets one atom, or an atom that one ray meets: the same code is for either,
-// and an atom's numbers are floats in the first case, lanes in the second.
+// A ray's part in a cell, in floats from the point of the ray nearest the cell's centre, and what every kind of atom
+// needs to say where they meet. A lane is a ray of a packet that meets one atom, or an atom that one ray meets: the
+// same code is for either, and an atom's numbers are floats in the first case, lanes in the second.
 #pragma once
 #include "lanes.hpp"
 #include "packet_model.hpp"
@@ -70,27 +70,10 @@ inline float magnitude(float x) { return __builtin_fabsf(x); }
 inline F in_lanes(float x) { return all(x); }
 inline F in_lanes(const F& x) { return x; }
 
-/// 1 with the sign of x.
+/// 1 with the sign of x. An atom's error is below 0 if it is `negative`.
 inline float sign_of(float x) { return __builtin_copysignf(1, x); }
 inline F sign_of(const F& x) {
   return each<float>([](auto one) { return (FloatRegister)(((IntRegister)one & kSignBit) | 0x3f800000); }, x);
-}
-
-/// Where an atom ends because of rounding: as a larger atom if it adds to the solid, else as a smaller. An atom's
-/// error is below 0 if it is `negative`.
-template <class Number>
-inline Number rounded_size(const Number& error) {
-  return 1.0f + error;
-}
-/// Below this speed towards the surface, rounding may move a crossing by W/2.
-template <class Number>
-inline Number grazing_speed(const Number& error, float window) {
-  return magnitude(error) * (2 / window);
-}
-/// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
-template <class Number>
-inline Number touch(const Number& error) {
-  return 8.0f * magnitude(error);
 }
 
 /// Rows of an atom's frame, and the cell's centre there.

@@ -4,6 +4,22 @@
 
 namespace {
 
+/// Where an atom ends because of rounding: as a larger atom if it adds to the solid, else as a smaller.
+template <class Number>
+inline Number rounded_size(const Number& error) {
+  return 1.0f + error;
+}
+/// Below this speed towards the surface, rounding may move a crossing by W/2.
+template <class Number>
+inline Number grazing_speed(const Number& error, float window) {
+  return magnitude(error) * (2 / window);
+}
+/// What the square of a round atom's half chord may be wrong by: below it, floats cannot tell whether it is met.
+template <class Number>
+inline Number touch(const Number& error) {
+  return 8.0f * magnitude(error);
+}
+
 /// The interval of a round atom around the middle of its chord, of which half is the root of `square`: off by no more
 /// than `rounding` besides. Where `square` is below `graze` or `touch`, more cannot be told.
 template <class Number>
@@ -72,18 +88,18 @@ template <class Read>
   const auto error = read();
   const F z = apply(atom.row[0], in.p) + atom.centre[0], v = away_from_zero(apply(atom.row[0], in.d));
   const F inverse = 1.0f / v;
-  const auto between = [&](const auto& size, F& first, F& last) {
+  const auto faces = [&](const auto& size, F& first, F& last) {
     const F low = (-size - z) * inverse, high = (size - z) * inverse;
     first = min(low, high);
     last = max(low, high);
   };
-  between(rounded_size(error), lo, hi);
+  faces(rounded_size(error), lo, hi);
   const Mask grazed = in.lanes & less(magnitude(v), in_lanes(grazing_speed(error, in.window)));
   if (grazed) [[unlikely]] {
     const auto rounding = magnitude(error) + 0x1p-21f;
     F outer_lo, outer_hi, inner_lo, inner_hi;
-    between(1.0f + rounding, outer_lo, outer_hi);
-    between(1.0f - rounding, inner_lo, inner_hi);
+    faces(1.0f + rounding, outer_lo, outer_hi);
+    faces(1.0f - rounding, inner_lo, inner_hi);
     doubts.add(grazed, outer_lo, inner_lo);
     doubts.add(grazed, inner_hi, outer_hi);
   }

@@ -1,4 +1,4 @@
-// What a lone ray has still to visit.
+// The stack of a ray that goes alone.
 #pragma once
 #include "eight.hpp"
 #include "packet_model.hpp"

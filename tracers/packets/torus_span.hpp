@@ -17,10 +17,11 @@ struct Quartic {
     return {{at(m), slope(m), c[2] + m * (3.0f * c[3] + 6.0f * (m * c[4])), c[3] + 4.0f * (m * c[4]), c[4]}};
   }
 
-  /// Its Bernstein coefficients over [−w, w], which enclose its values there.
+  /// Bernstein coefficients: they enclose the values over an interval.
   struct Bernstein {
     F b[5];
 
+    /// Where all values are certainly above 0, or below, if each coefficient may be wrong by `slack`.
     Mask above(F slack) const { return less(slack, min(min(min(b[0], b[1]), min(b[2], b[3])), b[4])); }
     Mask below(F slack) const { return less(max(max(max(b[0], b[1]), max(b[2], b[3])), b[4]), -slack); }
 
@@ -36,6 +37,7 @@ struct Quartic {
       return down | up;
     }
   };
+  /// Those over [−w, w].
   Bernstein over(F w) const {
     const F w2 = w * w, a1 = c[1] * w, a2 = c[2] * w2, a3 = c[3] * w2 * w, a4 = c[4] * w2 * w2;
     const F even = c[0] + a2 + a4, odd = a1 + a3, even1 = c[0] - a4, odd1 = 0.5f * (a1 - a3);
@@ -54,7 +56,7 @@ struct Quartic {
       const F next = s - value / away_from_zero(slope(s));
       lo = select_less(F{}, behind, s, lo);
       hi = select_less(F{}, behind, hi, s);
-      s = select(between(lo, next, hi), next, 0.5f * (lo + hi));
+      s = select(in_closed(lo, next, hi), next, 0.5f * (lo + hi));
     }
     return s;
   }

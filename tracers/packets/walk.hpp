@@ -10,6 +10,7 @@
 // grazed. Else the ray is `unsure`, and is traced again by the scalar search.
 #pragma once
 #include "membership.hpp"
+#include "spans.hpp"
 #include "stack.hpp"
 #include "start.hpp"
 
@@ -251,7 +252,7 @@ class Walker {
       Mask once = 0, twice = 0;
       I which = all<std::int32_t>(0);
       for (int i = 0; i < atoms; ++i) {
-        const Mask low = between(from, spans.lo[i], to_end), high = between(from, spans.hi[i], to_end);
+        const Mask low = in_closed(from, spans.lo[i], to_end), high = in_closed(from, spans.hi[i], to_end);
         twice |= (once & (low | high)) | (low & high);
         once |= low | high;
         which = select(low | high, all<std::int32_t>(parts.leaf(i)), which);
