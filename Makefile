@@ -21,7 +21,7 @@ setup: $(VENV)/.built  ## install packages, make .venv, build
 sweep: setup  ## run a study (STUDY=paper or grid), then its tables and plots
 	@$(BENCH) sweep $(STUDY)
 
-bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: a quarter of an hour
+bench: setup  ## our schemes beside POV-Ray and Embree, one thread and all: twenty to forty minutes
 	@$(BENCH) sweep bench
 
 test: setup  ## the tests, conformance of all schemes included
