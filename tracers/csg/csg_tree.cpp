@@ -5,6 +5,7 @@
 
 #include "../error_unit.hpp"
 #include "../primitives/primitive.hpp"
+#include "../structures/parallel.hpp"
 #include "invert.hpp"
 
 namespace csg {
@@ -74,20 +75,34 @@ Box world_bounds(const Leaf& leaf) {
   return box;
 }
 
-void derive(Leaf& leaf, std::size_t index) {
-  const auto refuse = [&](const char* fault) {
-    throw ModelError("leaf " + std::to_string(index) + " (" + name_of(leaf.kind) + "): " + fault);
-  };
-  if (const char* fault = fault_of_sizes(leaf)) refuse(fault);
+/// What is wrong with a leaf, or nullptr.
+const char* derive(Leaf& leaf) {
+  if (const char* fault = fault_of_sizes(leaf)) return fault;
   const Inverse inverse = invert(leaf.world_from_local.linear);
-  if (!inverse.usable()) refuse("its transform is singular or not finite");
+  if (!inverse.usable()) return "its transform is singular or not finite";
   leaf.local_from_world = inverse.matrix;
   leaf.condition = inverse.condition;
   leaf.is_translation = is_identity(leaf.world_from_local.linear);
   leaf.bounds = world_bounds(leaf);
   leaf.unit = std::ldexp(1.0, std::ilogb(local_radius(leaf)));
   leaf.reach = local_radius(leaf) * largest_stretch(leaf.world_from_local.linear);
-  if (!finite(leaf.bounds.lo) || !finite(leaf.bounds.hi)) refuse("its bounds are not finite");
+  return finite(leaf.bounds.lo) && finite(leaf.bounds.hi) ? nullptr : "its bounds are not finite";
+}
+
+/// All leaves, by all cores; the first that something is wrong with is refused.
+void derive_all(std::vector<Leaf>& leaves) {
+  constexpr std::size_t kBatch = 8192;
+  struct Refused {
+    std::size_t leaf = 0;
+    const char* fault = nullptr;
+  };
+  std::vector<Refused> refused((leaves.size() + kBatch - 1) / kBatch);
+  in_parallel(thread_count(0), refused.size(), [&](std::size_t batch, std::size_t) {
+    const std::size_t end = std::min((batch + 1) * kBatch, leaves.size());
+    for (std::size_t i = batch * kBatch; i < end && !refused[batch].fault; ++i) refused[batch] = {i, derive(leaves[i])};
+  });
+  for (const auto& [i, fault] : refused)
+    if (fault) throw ModelError("leaf " + std::to_string(i) + " (" + name_of(leaves[i].kind) + "): " + fault);
 }
 
 [[noreturn]] void refuse_node(std::size_t index, const char* fault) {
@@ -144,11 +159,11 @@ CsgTree::CsgTree(std::vector<Leaf> leaves, std::vector<Node> nodes, std::vector<
   if (leaves_.empty() || nodes_.empty()) throw ModelError("the model is empty");
   if (leaves_.size() > std::size_t{1} << 30) throw ModelError("more than 2^30 halfspaces");
   Box all;
-  for (std::size_t i = 0; i < leaves_.size(); ++i) {
-    derive(leaves_[i], i);
-    leaves_[i].precision = numerics.precision;
-    leaves_[i].torus = numerics.torus;
-    all = hull(all, leaves_[i].bounds);
+  derive_all(leaves_);
+  for (Leaf& leaf : leaves_) {
+    leaf.precision = numerics.precision;
+    leaf.torus = numerics.torus;
+    all = hull(all, leaf.bounds);
   }
   const Vec3 diagonal = all.hi - all.lo, center = all.center();
   size_ = std::hypot(diagonal.x, diagonal.y, diagonal.z) + std::hypot(center.x, center.y, center.z);

@@ -1,6 +1,7 @@
 #include "lexer.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstdio>
 #include <system_error>
@@ -11,7 +12,12 @@ namespace {
 constexpr bool is_digit(char c) { return c >= '0' && c <= '9'; }
 constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 constexpr bool starts_word(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '$'; }
-constexpr bool is_symbol(char c) { return std::string_view("()[]{},;=!#%*").find(c) != std::string_view::npos; }
+constexpr std::array<bool, 256> kSymbols = [] {
+  std::array<bool, 256> symbols{};
+  for (const char symbol : std::string_view("()[]{},;=!#%*")) symbols[static_cast<unsigned char>(symbol)] = true;
+  return symbols;
+}();
+constexpr bool is_symbol(char c) { return kSymbols[static_cast<unsigned char>(c)]; }
 
 /// Reads what most numbers are, digits with a point among them, and returns where it ends; nullptr where
 /// it is anything else. Exact: digits below 2⁵³ and a power of ten that is a double make one rounding
@@ -65,11 +71,10 @@ std::string Token::quoted() const {
   return result += text.size() > kLongest ? "...'" : "'";
 }
 
-void Lexer::skip_space_and_comments() {
+/// And the space behind them.
+void Lexer::skip_comments() {
   const std::string_view text = source_.text;
-  while (true) {
-    while (offset_ < text.size() && is_space(text[offset_])) ++offset_;
-    if (offset_ == text.size() || text[offset_] != '/') return;
+  while (offset_ < text.size() && text[offset_] == '/') {
     const std::string_view start = text.substr(offset_, 2);
     if (start == "//") {
       offset_ = std::min(text.find('\n', offset_), text.size());
@@ -80,18 +85,22 @@ void Lexer::skip_space_and_comments() {
     } else {
       return;
     }
+    while (offset_ < text.size() && is_space(text[offset_])) ++offset_;
   }
 }
 
 Token Lexer::next() {
-  skip_space_and_comments();
-  if (offset_ == source_.text.size()) return {TokenKind::End, {}, offset_};
+  const std::size_t end = source_.text.size();
+  while (offset_ < end && is_space(source_.text[offset_])) ++offset_;
+  if (offset_ < end && source_.text[offset_] == '/') skip_comments();
+  if (offset_ == end) return {TokenKind::End, 0, {}, offset_};
   const char c = source_.text[offset_];
   if (starts_word(c)) return word();
   if (is_digit(c) || c == '-' || c == '+' || c == '.') return number();
   if (c == '"') return string();
   if (!is_symbol(c)) source_.fail(offset_, "unexpected " + printable(c));
-  return {TokenKind::Symbol, source_.text.substr(offset_++, 1), offset_ - 1};
+  const std::size_t begin = offset_++;
+  return {TokenKind::Symbol, c, {source_.text.data() + begin, 1}, begin};
 }
 
 Token Lexer::word() {
@@ -99,7 +108,7 @@ Token Lexer::word() {
   while (offset_ < source_.text.size() && (starts_word(source_.text[offset_]) || is_digit(source_.text[offset_]))) {
     ++offset_;
   }
-  return {TokenKind::Word, source_.text.substr(begin, offset_ - begin), begin};
+  return {TokenKind::Word, 0, source_.text.substr(begin, offset_ - begin), begin};
 }
 
 /// Decimal numbers, and the `nan`, `-nan`, `inf`, `-inf` that OpenSCAD prints; those without a sign
@@ -110,7 +119,7 @@ Token Lexer::number() {
   const char* const end = text + source_.text.size();
   const char* first = text + begin;
   if (*first == '+' && first + 1 < end && first[1] != '-') ++first;  // from_chars takes no plus
-  Token token{TokenKind::Number, {}, begin};
+  Token token{TokenKind::Number, 0, {}, begin};
   const char* last = read_short_decimal(first, end, token.number);
   if (!last) {
     const auto [stop, error] = std::from_chars(first, end, token.number);
@@ -141,7 +150,7 @@ Token Lexer::string() {
       while (after < text.size() && is_space(text[after])) ++after;
       if (after == text.size() || std::string_view(",)]").find(text[after]) != std::string_view::npos) {
         offset_ = i + 1;
-        return {TokenKind::String, text.substr(begin, i - begin), begin - 1};
+        return {TokenKind::String, 0, text.substr(begin, i - begin), begin - 1};
       }
     }
   }

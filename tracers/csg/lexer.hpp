@@ -22,11 +22,12 @@ enum class TokenKind : std::uint8_t { End, Word, Number, String, Symbol };
 
 struct Token {
   TokenKind kind = TokenKind::End;
+  char symbol = 0;        ///< of a Symbol
   std::string_view text;  ///< as it stands in the source; a string without its quotes
   std::size_t offset = 0;
   double number = 0;
 
-  bool is(char symbol) const { return kind == TokenKind::Symbol && text[0] == symbol; }
+  bool is(char other) const { return symbol == other; }
   std::string quoted() const;  ///< for messages
 };
 
@@ -36,7 +37,7 @@ class Lexer {
   Token next();
 
  private:
-  void skip_space_and_comments();
+  void skip_comments();
   Token word();
   Token number();
   Token string();

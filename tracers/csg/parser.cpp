@@ -147,7 +147,7 @@ void Parser::close_node() {
 Modifiers Parser::modifiers() {
   Modifiers result;
   for (; token_.kind == TokenKind::Symbol; advance()) {
-    switch (token_.text[0]) {
+    switch (token_.symbol) {
       case '!':
         result.root = true;
         break;
