@@ -243,7 +243,7 @@ def load_table(rows: Iterable[dict]) -> Table:
         Column("lazy_total_s", "lazy", number, group="in all s"),
     ]
     notes = [
-        f"{lazy.SCHEME}; build and trace by all cores, the text read by one. Wall times, the least of "
+        f"{lazy.SCHEME}; build and trace by all cores, reading by one. Wall times, the least of "
         f"{lazy.ROUNDS}; where the machine is shared, CPU time tells more."
     ]
     return Table(f"{NAME}_load", "From .csg to picture", columns, shown, notes, 2)

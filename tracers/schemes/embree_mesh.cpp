@@ -89,7 +89,7 @@ class EmbreeMesh final : public Tracer {
   /// Calls `trace(begin, packet)` for every 16 consecutive rays, and the rest.
   template <class Trace>
   void in_packets(std::span<const Ray> rays, Trace trace) const {
-    Packet packet;
+    Packet packet{};  // where Embree splits packets it looks at lanes that are left alone, too
     for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
       for (std::size_t lane = 0; lane < kPacket; ++lane) {
         packet.valid[lane] = 0;
